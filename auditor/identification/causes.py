@@ -94,7 +94,7 @@ class CameraScores(NamedTuple):
     where no other colour camera voted; `striped` that of light in rows, and `unpredicted` that of unmatched or veiling
     light or of added texture, which no tone curve predicts, NaN where they were not measured. `shown_s` are the seconds
     nearby in which its strongest check shows as much, `gone` the share of the frames nearby in which it does not; NaN
-    where no other frame is known.
+    where no other frame is known. `texture` is the z of added texture alone.
     """
 
     added: float
@@ -107,11 +107,13 @@ class CameraScores(NamedTuple):
     unpredicted: float = nan
     shown_s: float = nan
     gone: float = nan
+    texture: float = nan
 
     @property
     def thrown(self) -> bool:
-        """Whether light of one colour or in rows was added: no dirt or exposure does."""
-        return self.coloured >= LIGHT_OF_CAUSES.least_thrown or self.striped >= LIGHT_OF_CAUSES.least_thrown
+        """Whether light of one colour or in rows was added, or much texture: no dirt or exposure does."""
+        lit = self.coloured >= LIGHT_OF_CAUSES.least_thrown or self.striped >= LIGHT_OF_CAUSES.least_thrown
+        return lit or self.texture >= LIGHT_OF_CAUSES.least_texture
 
     @property
     def unchanged(self) -> bool:
@@ -176,7 +178,8 @@ def seen_of(
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
             most = float(np.fmax.reduce(unpredicted))
-            scores_of[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting)
+            texture = unpredicted[_UNPREDICTED.index(Check.ADDED_TEXTURE)]
+            scores_of[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting, texture)
     return scores_of
 
 

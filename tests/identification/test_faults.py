@@ -384,9 +384,21 @@ FACULA = CameraScores(added=6.0, removed=0.5, inconsistent=3.0, darker=0.08, sat
         (GLARE._replace(inconsistent=1.0), Cause.SOILED),
         (FACULA, None),
         (DROP._replace(saturated_px=2000.0), None),
+        (DROP._replace(texture=6.5), Cause.SOILED),
+        (DROP._replace(texture=7.5), None),
         (CameraScores(NAN, NAN, NAN, NAN), None),
     ],
-    ids=["mud", "drop", "glare", "another view", "facula", "it outshines the scene", "nothing is known"],
+    ids=[
+        "mud",
+        "drop",
+        "glare",
+        "another view",
+        "facula",
+        "it outshines the scene",
+        "texture",
+        "speckle",
+        "nothing is known",
+    ],
 )
 def test_a_lens_explains_what_it_makes_likelier_than_light_that_was_thrown_in(seen, cause):
     found = of_lens({1: seen})
@@ -547,15 +559,16 @@ def test_what_a_named_camera_shows_is_by_all_cameras_that_are_not_named():
     )
     [(sensor, shown)] = seen_of(alone, z, statistics, SYSTEM, LIGHT).items()
     assert (sensor, shown[:8]) == (1, (3.0, 4.0, 5.0, pytest.approx(0.42 / 0.32), 12, 0, 0, 0))
-    assert np.isnan(shown[8:]).all(), "nothing is known of the frames nearby"
+    assert np.isnan(shown[8:10]).all(), "nothing is known of the frames nearby"
     weaker = 0 * z
     weaker[columns[Check.ADDED_LIGHT, 1, (2, 3)]] = 3.0
     clean = seen_of(alone, z, statistics, SYSTEM, LIGHT, Nearby(np.stack([z, 0 * z, 0.6 * z, weaker]), span_s=0.3))
-    assert clean[1][8:] == pytest.approx((0.1, 2 / 3)), "by the strongest of its checks"
+    assert clean[1][8:10] == pytest.approx((0.1, 2 / 3)), "by the strongest of its checks"
     for check in (Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT, Check.ADDED_TEXTURE):
         lit = z.copy()
         lit[columns[check, 1, (2, 3)]] = 6.0
         assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].unpredicted == 6.0, "one of them is enough"
+    assert seen_of(alone, lit, statistics, SYSTEM, LIGHT)[1].texture == 6.0
     light_of_both = seen_of(both, z, statistics, SYSTEM, LIGHT)[1]
     assert light_of_both[:8] == (6.0, 7.0, 8.0, pytest.approx(0.72 / 0.62), 12, 0, 0, 0)
     assert np.isnan(seen_of(alone, z, statistics, SYSTEM, {})[1][4]), "it was measured before light was kept"

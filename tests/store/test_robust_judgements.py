@@ -144,7 +144,7 @@ def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_pa
     [incident] = run_query(store, "incidents").to_pylist()
     assert incident["shares"] == "suspect 100 %"
     assert incident["evidence"].endswith(" in 3 frames (+4.00); no single frame is attacked by itself: what lasts is")
-    assert incident["causes"].endswith("as dirt does (score 0.50 of 1), of single frames and not of what lasts")
+    assert incident["causes"].endswith("on its lens do (score 0.50 of 1), of single frames and not of what lasts")
 
 
 def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it_once(tmp_path):

@@ -389,7 +389,7 @@ class Check(DeclaredCheck):
                 "S_{i} or S_{k} alone has texture where the other sees smooth surfaces",
             ),
             (
-                PriorOf("added_texture_of_one", (-3.55, 0.43, 0.22, 1.75), sources.TEXTURE),
+                PriorOf("added_texture_of_one", (-3.55, 0.43, 0.22, 2.0), sources.TEXTURE),
                 PriorOf("added_texture_of_two", (-3.77, 0.36, 0.1, 1.95), sources.TEXTURE),
                 PriorOf("added_texture", (-3.9, 0.3, 0.1, 1.9), sources.TEXTURE),
             ),
