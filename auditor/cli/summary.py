@@ -183,7 +183,7 @@ def show_audit(
     if form == "table":
         if store is not None and (rows or not judged):
             _show_tables(rows, incidents)
-        answer(closing_line(tally))
+        answer(closing_line(tally, _raised(rows, tally)))
     elif form == "json":
         places = {result.recording_id: storable(located(result.recording).place) for result in measured}
         _show_json([{**row, "path": _path(store, places, row)} for row in rows], incidents, tally)
@@ -245,8 +245,17 @@ def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[st
     write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
 
-def closing_line(tally: Tally) -> str:
-    """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why."""
+def _raised(rows: "Sequence[Mapping[str, Any]]", tally: Tally) -> int:
+    """How many frames are findings in recordings that have neither an incident nor an alert."""
+    quiet = (row for row in rows if row["recording_id"] not in tally.with_incidents | tally.with_alerts)
+    return sum(row[kind] or 0 for row in quiet for kind in ("attacked", "unidentified", "suspect"))
+
+
+def closing_line(tally: Tally, raised: int = 0) -> str:
+    """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why.
+
+    `raised` are single frames that are findings beside them.
+    """
     left = {one.path: one.reason for one in tally.not_audited}
     if tally.exit_code() is Exit.FAILED:
         return f"nothing was audited: {_reasons(left)}"
@@ -255,6 +264,8 @@ def closing_line(tally: Tally) -> str:
         line += f", {len(alerts)} with alerts alone"
     if tally.excused:
         line += f" ({len(tally.excused)} of them excused)"
+    if raised:
+        line += f", {raised} single frame{'s' * (raised > 1)} raised"
     if not left:
         return f"{line}, all fully audited" if tally.audited else line
     return f"{line}, {len(left)} not fully audited: {_reasons(left)}"

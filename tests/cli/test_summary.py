@@ -155,6 +155,15 @@ def test_the_closing_line_counts_recordings_and_says_why(tally, line):
     assert summary.closing_line(tally) == line
 
 
+def test_the_closing_line_says_how_many_single_frames_are_raised_where_nothing_is_found():
+    quiet = {"attacked": 1, "unidentified": None, "suspect": 2}
+    tally = Tally(audited=True, recordings={"a", "b"}, with_incidents={"a"})
+    raised = summary._raised([{"recording_id": "a", **quiet, "attacked": 9}, {"recording_id": "b", **quiet}], tally)
+    assert summary.closing_line(tally, raised) == (
+        "2 recordings: 1 with incidents, 3 single frames raised, all fully audited"
+    )
+
+
 def test_the_json_of_an_audit_has_recordings_incidents_and_what_was_not_audited(store, capfd):
     add_recording(store, "a.mcap", attacks=[((1,), 10, 19)])
     add_recording(store, "b.mcap", rig=make_rig(("velo", "a", "b", "c", "d")), judged=False)
