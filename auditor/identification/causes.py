@@ -20,9 +20,6 @@ from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Verdict
 
-_UNPREDICTED = (Check.UNMATCHED_LIGHT, Check.VEILING_LIGHT, Check.ADDED_TEXTURE)
-"""The checks of light that no tone curve predicts."""
-
 
 def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     """An aerosol, where the strongest of what fired is that returns scatter."""
@@ -167,9 +164,15 @@ def seen_of(
             if (sensor_check := system.sensor_checks[column]).sensor == sensor
         }
         added, removed, inconsistent = (own.get(check) for check in CAMERA_CHECKS)
-        coloured, striped, *unpredicted = (
+        coloured, striped, unmatched, veiling, texture = (
             nan if (column := own.get(check)) is None else float(z[column])
-            for check in (Check.COLOURED_LIGHT, Check.STRIPED_LIGHT, *_UNPREDICTED)
+            for check in (
+                Check.COLOURED_LIGHT,
+                Check.STRIPED_LIGHT,
+                Check.UNMATCHED_LIGHT,
+                Check.VEILING_LIGHT,
+                Check.ADDED_TEXTURE,
+            )
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
@@ -177,8 +180,7 @@ def seen_of(
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
-            most = float(np.fmax.reduce(unpredicted))
-            texture = unpredicted[_UNPREDICTED.index(Check.ADDED_TEXTURE)]
+            most = float(np.fmax.reduce([unmatched, veiling, texture]))
             scores_of[sensor] = CameraScores(*own_z, darker, saturated, coloured, striped, most, *lasting, texture)
     return scores_of
 
