@@ -21,6 +21,9 @@ from auditor.model.measurement import Cells
 CELL_PX = COUNT_GRID.cell_px
 """Width and height of a cell in full-resolution pixels."""
 
+Rows = NDArray[np.signedinteger]
+"""Rows or columns of cells: (M,)."""
+
 _HALF_SIDE = CELL_PX // 2
 _MOST = 127
 _ROWS, _COLUMNS = COUNT_GRID.lidar_cells
@@ -115,6 +118,24 @@ def cells_of_directions(row: Indices, column: Indices, inconsistent: Mask) -> Ce
         _bytes(np.bincount(these, minlength=_ROWS * _COLUMNS), _ROWS, _COLUMNS) for these in (cell, cell[inconsistent])
     )
     return Cells(valid.astype(np.uint8), total)
+
+
+def largest_share(
+    place: tuple[Rows, Rows], those: Mask, shape: tuple[int, int], window: tuple[int, int], pseudo_count: int
+) -> float:
+    """The largest share, 0 to 1, of a window that some of the samples (M,) in it are.
+
+    `place` are the rows and columns of the samples' cells on a grid of a shape; `window` is in rows and columns of
+    cells. `pseudo_count` samples that are none of those are added to each window.
+    """
+    number = place[0] * shape[1] + place[1]
+
+    def in_windows(some: Mask) -> Floats32:
+        counts = np.bincount(number[some], minlength=shape[0] * shape[1]).astype(np.float32).reshape(shape)
+        summed = cv2.boxFilter(counts, -1, window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT)
+        return np.asarray(summed, dtype=np.float32)
+
+    return float((in_windows(those) / (in_windows(np.ones_like(those)) + np.float32(pseudo_count))).max())
 
 
 def places_of(matches: Matches, grid: ImageGrid) -> PairPlaces:

@@ -17,6 +17,7 @@ from auditor.model.rig import Camera
 from auditor.model.stamps import NANOSECONDS
 
 _NEARBY = np.ones(PARALLAX_CONFLICT.nearby_px, dtype=np.uint8)
+_SMOOTH = PARALLAX_CONFLICT.smooth_px, PARALLAX_CONFLICT.smooth_px
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +46,19 @@ class Moment:
         """(h, w) the image at half resolution."""
         return halve(self.grey)
 
+    @cached_property
+    def _smooth(self) -> dict[int, Image]:
+        return {}
+
     def halved(self, times: int) -> Image:
         """The image, halved so many times."""
         return self.grey if not times else self.half if times == 1 else halve(self.halved(times - 1))
+
+    def smooth(self, times: int) -> Image:
+        """The image, halved so many times, without its details; each is made once."""
+        if times not in self._smooth:
+            self._smooth[times] = np.asarray(cv2.blur(self.halved(times), _SMOOTH), dtype=np.uint8)
+        return self._smooth[times]
 
     @cached_property
     def point_m(self) -> Matrix:

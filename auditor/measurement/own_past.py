@@ -26,7 +26,7 @@ from auditor.model.stamps import NANOSECONDS
 _MOST_HELD = 14  # pictures, which are 7 m of way and more than is asked for: it bounds the memory
 
 _BY_THE_PAST = tuple(one for one in Check if one.kind.of is Of.LIDAR)
-"""The checks of a lone camera, which are measured by their names."""
+"""The checks of a lone camera."""
 
 _BEGINNING = Motion(np.eye(3), np.zeros(3)), 0.0
 """Where a camera is whose way begins."""

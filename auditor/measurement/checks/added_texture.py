@@ -13,6 +13,7 @@ import numpy as np
 
 from auditor.measurement.checks.light import view_of
 from auditor.measurement.checks.photometric_consistency import matched_samples, patches_of
+from auditor.measurement.count_grid import largest_share
 from auditor.measurement.frame_views import FrameViews
 from auditor.measurement.parameters import HALF, PATCH_CORRELATION
 from auditor.model.arrays import Floats32, Indices, Mask
@@ -38,7 +39,7 @@ class AddedTexture:
 
 NUMBERS = AddedTexture()
 _NEARBY = np.ones(NUMBERS.nearby_px, dtype=np.uint8)
-_WINDOW = (NUMBERS.window_px[1] // NUMBERS.step_px, NUMBERS.window_px[0] // NUMBERS.step_px)
+_WINDOW = (NUMBERS.window_px[0] // NUMBERS.step_px, NUMBERS.window_px[1] // NUMBERS.step_px)
 _FLOOR = np.float32(PATCH_CORRELATION.norm_floor)
 
 
@@ -70,16 +71,9 @@ class _Contrast:
         gain = max(self.strong() / other.strong(), np.float32(1))
         smooth = np.float32(NUMBERS.times) * (other.highest * gain + _FLOOR)
         added = (self.norm > smooth) & self.told & other.told
-        compared, those = (self._in_windows(some) for some in (np.ones_like(added), added))
-        return float((those / (compared + np.float32(NUMBERS.pseudo_count))).max())
-
-    def _in_windows(self, some: Mask) -> Floats32:
-        """How many of some samples each window has."""
         row, column = self.row // NUMBERS.step_px, self.column // NUMBERS.step_px
-        counts = np.zeros((row.max() + 1, column.max() + 1), dtype=np.float32)
-        np.add.at(counts, (row[some], column[some]), np.float32(1))
-        windows = cv2.boxFilter(counts, -1, _WINDOW, normalize=False, borderType=cv2.BORDER_CONSTANT)
-        return np.asarray(windows, dtype=np.float32)
+        shape = int(row.max()) + 1, int(column.max()) + 1
+        return largest_share((row, column), added, shape, _WINDOW, NUMBERS.pseudo_count)
 
 
 def measure_added_texture(seen: FrameViews, i: int, k: int) -> tuple[float | None, float | None]:

@@ -33,7 +33,6 @@ _DOWN, _RIGHT = (axis.ravel().astype(np.float32) for axis in np.mgrid[-_RADIUS :
 _EVERY = np.arange(_RIGHT.size)
 _SPARSE = np.flatnonzero((_RIGHT % 2 == 0) & (_DOWN % 2 == 0))
 """Every pixel of a patch, and every second one of every second row, where pictures are smooth."""
-_SMOOTH = PARALLAX_CONFLICT.smooth_px, PARALLAX_CONFLICT.smooth_px
 _HALVES = np.stack([_DOWN <= 0, _DOWN >= 0, _RIGHT <= 0, _RIGHT >= 0], axis=1).astype(np.float32)
 """(pixels, 4) which pixels of a patch are of its upper, lower, left and right half."""
 _BESIDE = PARALLAX_CONFLICT.beside_px
@@ -228,18 +227,16 @@ def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _C
     agree, conflicts, place = [some[:0]], [some[:0]], [np.zeros((0, 2))]
     for times in np.unique(sought.halvings[some]).tolist():
         alike = some[sought.halvings[some] == times]
-        agrees, elsewhere, there = _compared_at(
-            now.halved(times), before.halved(times), sought.chosen(alike).halved(times)
-        )
+        agrees, elsewhere, there = _compared_at(now, before, times, sought.chosen(alike).halved(times))
         agree.append(alike[agrees])
         conflicts.append(alike[elsewhere])
         place.append((there + 1 / 2) * HALF**times - 1 / 2 if times else there)
     return _ComparedPoints(some, np.concatenate(agree), np.concatenate(conflicts), np.concatenate(place))
 
 
-def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, Indices, Floats]:
-    """Which points agree, which are found elsewhere on their lines, and where, in two pictures (H, W)."""
-    patches = _patches(now, sought.pixel, np.ones(1))
+def _compared_at(now: Moment, then: Moment, times: int, sought: _Sought) -> tuple[Indices, Indices, Floats]:
+    """Which points agree, which are found elsewhere on their lines, and where, in pictures halved so many times."""
+    patches, before = _patches(now.halved(times), sought.pixel, np.ones(1)), then.halved(times)
     [at_range] = _nccs(patches, before, sought, np.zeros((1, 1)))
     # Elsewhere NCC is 1 at most.
     doubtful = np.flatnonzero(at_range < 1 - PARALLAX_CONFLICT.clearly_less)
@@ -247,7 +244,9 @@ def _compared_at(now: Image, before: Image, sought: _Sought) -> tuple[Indices, I
     sides = _nccs(patches, before, some, _AT_RANGE[_AT_RANGE != 0, None])
     beside = np.insert(sides, _BESIDE, at_range[doubtful], axis=0)
     at_range[doubtful] = beside.max(axis=0)
-    best, offset = _best_elsewhere(patches, before, some, _promising(now, before, some), beside)
+    best, offset = _best_elsewhere(
+        patches, before, some, _promising(now.smooth(times), then.smooth(times), some), beside
+    )
     clearly = at_range[doubtful] + PARALLAX_CONFLICT.clearly_less
     elsewhere = np.flatnonzero(best > np.maximum(PARALLAX_CONFLICT.consistent, clearly))
     agrees = at_range > PARALLAX_CONFLICT.agreeing
@@ -279,7 +278,6 @@ def _promising(now: Image, before: Image, sought: _Sought) -> Indices:
 
     Every third one is tried.
     """
-    now, before = (np.asarray(cv2.blur(one, _SMOOTH), dtype=np.uint8) for one in (now, before))
     offsets = _OFFSETS[_FIRST, None]
     ncc = _nccs(_patches(now, sought.pixel, np.ones(1), _SPARSE), before, sought, offsets, _SPARSE)
     ncc[sought.parallax_px + offsets < -1] = -1

@@ -8,10 +8,10 @@ away, or drives ahead as fast, stays as well, but seldom for so long a way.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import ncc_at
+from auditor.measurement.count_grid import largest_share
 from auditor.measurement.moment import Moment
 from auditor.measurement.parameters import HALF
 from auditor.model.arrays import Image, Indices, Mask
@@ -50,12 +50,6 @@ def staying(now: Moment, earlier: Sequence[Image | None], point: Indices) -> Mas
 
 def measure_still_texture(now: Moment, point: Indices, stays: Mask) -> float:
     """The largest share of a window's points (P,) that stay, 0 to 1, of those that should have moved."""
-    shape = [-(-side // NUMBERS.cell_px) for side in now.half.shape]
-    place = now.view.row[point] // (HALF * NUMBERS.cell_px), now.view.column[point] // (HALF * NUMBERS.cell_px)
-    cells = np.zeros((2, *shape), dtype=np.float32)
-    np.add.at(cells[0], place, 1)
-    np.add.at(cells[1], place, stays)
-    every, those = (
-        cv2.boxFilter(one, -1, NUMBERS.window[::-1], normalize=False, borderType=cv2.BORDER_CONSTANT) for one in cells
-    )
-    return float((those / (every + NUMBERS.pseudo_count)).max())
+    row, column = (place[point] // (HALF * NUMBERS.cell_px) for place in (now.view.row, now.view.column))
+    height, width = (-(-side // NUMBERS.cell_px) for side in now.half.shape)
+    return largest_share((row, column), stays, (height, width), NUMBERS.window, NUMBERS.pseudo_count)
