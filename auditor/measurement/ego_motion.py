@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from auditor.measurement.parameters import LIDAR_PROJECTION
+from auditor.measurement.moment import Moment
+from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
 from auditor.measurement.time_parameters import EGO_MOTION
 from auditor.model.arrays import Floats32, Image, Indices, Mask
 from auditor.model.optics.geometry import Matrix
@@ -22,6 +23,10 @@ _TRIALS = 100  # of RANSAC, OpenCV's
 
 Rows = NDArray[np.signedinteger]
 """Rows or columns of pixels: (M,)."""
+
+_MIDDLE = (1 / HALF - 1) / 2
+HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
+"""From pixels to half px, whose middles lie between those of two pixels."""
 
 _WINDOW = (EGO_MOTION.flow_window_px, EGO_MOTION.flow_window_px)
 
@@ -35,10 +40,19 @@ class Motion(NamedTuple):
     rotation: Matrix
     translation_m: Matrix
 
+    @property
+    def length_m(self) -> float:
+        """How far the camera moved."""
+        return float(np.linalg.norm(self.translation_m))
+
     def lasting(self, times: float) -> "Motion":
         """The motion that goes on alike for so many times as long."""
         turn = np.asarray(cv2.Rodrigues(self.rotation)[0], dtype=np.float64)
         return Motion(np.asarray(cv2.Rodrigues(turn * times)[0], dtype=np.float64), self.translation_m * times)
+
+
+_STANDS = Motion(np.eye(3), np.zeros(3))
+"""That of a camera that stands."""
 
 
 def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
@@ -47,41 +61,67 @@ def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
     return np.asarray(seen[:, :2] / seen[:, 2:])
 
 
-def ego_motion(
-    now: Image,
-    before: Image,
-    intrinsics: Matrix,
-    points_m: Matrix,
-    pixels: tuple[Rows, Rows],
-    expected: Motion | None = None,
-) -> Motion | None:
-    """The motion between two half-resolution grey images (h, w); None where too few corners tell it.
+def ego_motion(now: Moment, before: Moment, some: Indices, expected: Motion | None = None) -> Motion | None:
+    """The motion of a camera since the moment before; None where too few corners tell it.
 
-    `intrinsics` (3, 3) are those of the half-resolution images; `points_m` (M, 3) LiDAR points in the camera's frame
-    now, `pixels` their rows and columns (M,). Where corners move far by the motion that is `expected`, they are sought
-    there.
+    `some` are the numbers of the points of the view at which corners may lie. Where corners move far by the motion that
+    is `expected`, they are sought there. A pattern that is thrown into the lens stands, as if the camera stood: where
+    most of the corners that moved say otherwise, the LiDAR's ranges decide.
     """
-    chosen = _corners(now, *pixels)
-    corners = pixels_of(intrinsics, points_m[chosen]).astype(np.float32)
-    places, seen = _followed(now, before, corners, _guessed(corners, intrinsics, points_m[chosen], expected))
-    if np.count_nonzero(seen) < EGO_MOTION.fewest:
-        return None
-    there, where = points_m[chosen][seen], places[seen].astype(np.float64)
+    intrinsics = HALVED @ now.camera.intrinsics
+    row, column = now.view.row[some] // HALF, now.view.column[some] // HALF
+    points_m = now.point_m[some][_corners(now.half, row, column)]
+    corners = pixels_of(intrinsics, points_m).astype(np.float32)
+    places, seen = _followed(now.half, before.half, corners, _guessed(corners, intrinsics, points_m, expected))
+    there, where = points_m[seen], places[seen].astype(np.float64)
+    motion, fitting = _solved(there, where, intrinsics)
+    moved = np.hypot(*(where - corners[seen]).T) > EGO_MOTION.moved_px
+    if 2 * np.count_nonzero(fitting & moved) >= np.count_nonzero(moved):
+        return motion
+    of_moved, _ = _solved(there[moved], where[moved], intrinsics)
+    if of_moved is None:
+        return motion
+    gain = _ranges_agree(now, before, of_moved) - _ranges_agree(now, before, motion or _STANDS)
+    return of_moved if gain > EGO_MOTION.ranges_gain else motion
+
+
+def _solved(there_m: Matrix, where_px: Matrix, intrinsics: Matrix) -> tuple[Motion | None, Mask]:
+    """The motion by which most points (C, 3) lie at their pixels (C, 2) of the image before, and which of them (C,)."""
+    fits = np.zeros(len(there_m), dtype=np.bool_)
+    if len(there_m) < EGO_MOTION.fewest:
+        return None, fits
     solved, turn, translation, fitting = cv2.solvePnPRansac(
-        there,
-        where,
+        there_m,
+        where_px,
         intrinsics,
         None,
         iterationsCount=_TRIALS,
         reprojectionError=EGO_MOTION.inlier_px,
         confidence=_CONFIDENCE,
     )
-    if not solved or fitting is None or len(fitting) < max(EGO_MOTION.fewest, EGO_MOTION.least_share * len(there)):
-        return None
+    if not solved or fitting is None or len(fitting) < max(EGO_MOTION.fewest, EGO_MOTION.least_share * len(there_m)):
+        return None, fits
     inliers = fitting.ravel()
-    turn, translation = cv2.solvePnPRefineLM(there[inliers], where[inliers], intrinsics, None, turn, translation)
+    fits[inliers] = True
+    turn, translation = cv2.solvePnPRefineLM(there_m[inliers], where_px[inliers], intrinsics, None, turn, translation)
     rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
-    return Motion(rotation, np.asarray(translation, dtype=np.float64).ravel())
+    return Motion(rotation, np.asarray(translation, dtype=np.float64).ravel()), fits
+
+
+def _ranges_agree(now: Moment, before: Moment, motion: Motion) -> float:
+    """The share of what stands above the road in one scan that lies, moved, where the scan before has as far a point.
+
+    The road itself looks alike from everywhere.
+    """
+    upright = np.flatnonzero(now.view.below_m < EGO_MOTION.upright_m)
+    moved_m = now.point_m[upright] @ motion.rotation.T + motion.translation_m
+    moved_m = moved_m[moved_m[:, 2] > LIDAR_PROJECTION.nearest_m]
+    column, row = np.rint(pixels_of(HALVED @ before.camera.intrinsics, moved_m)).astype(np.intp).T
+    height, width = before.nearest_m.shape
+    inside = np.flatnonzero((row >= 0) & (row < height) & (column >= 0) & (column < width))
+    away = moved_m[inside, 2] - before.nearest_m[row[inside], column[inside]]
+    away = away[np.isfinite(away)]
+    return float(np.mean(np.abs(away) < EGO_MOTION.as_far_m)) if away.size else 0.0
 
 
 def _corners(image: Image, row: Rows, column: Rows) -> Indices:

@@ -152,7 +152,7 @@ def _further(placed: tuple[Motion, float], motion: Motion) -> tuple[Motion, floa
     """Where a camera is, and how far it went, that has moved on from where it was."""
     there, way_m = placed
     moved = Motion(there.rotation @ motion.rotation, there.rotation @ motion.translation_m + there.translation_m)
-    return moved, way_m + float(np.linalg.norm(motion.translation_m))
+    return moved, way_m + motion.length_m
 
 
 def _glimpse(moment: Moment, placed: tuple[Motion, float]) -> Glimpse:

@@ -11,6 +11,9 @@ _POINTS = "walls and clean frames of the same drives, and streets 2000 to 2023 (
 _STEPS = "walls and clean frames of the same drives, chosen on them (docs/decisions.md)"
 
 
+_THROWN = "patterns thrown into a lone camera, three drives and streets (docs/decisions.md)"
+
+
 @dataclass(frozen=True)
 class EgoMotion:
     """How a camera moved between two pictures, from corners that both show and the LiDAR's range at them."""
@@ -29,6 +32,12 @@ class EgoMotion:
     fewest: int = parameter(20, unit="corners that fit the motion", source=BY_HAND)
     least_share: float = parameter(
         0.3, unit="share of the corners followed that fit the motion", source="0.55 to 0.9 on three drives; by hand"
+    )
+    moved_px: float = parameter(1.0, unit="half px by which a corner moved", source=_THROWN)
+    upright_m: float = parameter(1.0, unit="m below the LiDAR, above which points are not of the road", source=BY_HAND)
+    as_far_m: float = parameter(0.2, unit="m of depth between points that are as far away", source=_THROWN)
+    ranges_gain: float = parameter(
+        0.05, unit="share of points more that are as far away by the motion of corners that moved", source=_THROWN
     )
 
 

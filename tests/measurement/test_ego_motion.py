@@ -1,5 +1,8 @@
 """Ego-motion from two pictures and the LiDAR's range at their corners."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -7,10 +10,10 @@ from auditor.lab.simulation.drives import make_drive
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.ego_motion import ego_motion
 from auditor.measurement.moment import Moment
+from auditor.model.arrays import Image
 from auditor.model.optics.geometry import compose, invert
 
 DRIVE = make_drive(2, 6, n_cameras=1)
-HALVED = np.array([[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1]])
 
 
 def moment(number: int) -> Moment:
@@ -18,11 +21,23 @@ def moment(number: int) -> Moment:
     return Moment(frame.stamp_ns, frame.images[1].pixels, lidar_view(frame.cloud, DRIVE.rig, 1))
 
 
-def motion_between(now: Moment, before: Moment, *, farther: float = 1.0):
+def showing(now: Moment, picture: Image) -> Moment:
+    """The moment with another picture."""
+    return Moment(now.stamp_ns, picture, now.view)
+
+
+def motion_between(now: Moment, before: Moment, *, farther: float = 1.0, some: slice = slice(None)):
     """The motion by the true ranges, or by those of `farther` times as far away."""
-    pixels = now.view.row // 2, now.view.column // 2
-    K = HALVED @ now.camera.intrinsics
-    return ego_motion(now.half, before.half, K, farther * now.point_m, pixels)
+    ranged = Moment(now.stamp_ns, now.grey, replace(now.view, point_m=farther * now.view.point_m))
+    return ego_motion(ranged, before, np.arange(now.view.row.size)[some])
+
+
+def spots() -> Image:
+    """A pattern of spots on a third of the picture, as a projector throws it into a lens."""
+    thrown = np.zeros(DRIVE.frame(0).images[1].pixels.shape[:2], dtype=np.uint8)
+    cells = np.random.default_rng(5).integers(0, 2, (16, 48), dtype=np.uint8) * 180
+    thrown[100:300, 300:900] = cv2.resize(cells, (600, 200))
+    return thrown
 
 
 def test_the_motion_is_that_of_the_vehicle():
@@ -49,16 +64,25 @@ def test_pictures_of_one_place_have_no_motion():
 
 def test_without_enough_corners_the_motion_is_not_known():
     now, before = moment(2), moment(1)
-    few = slice(0, 12)
-    K = HALVED @ now.camera.intrinsics
-    pixels = now.view.row[few] // 2, now.view.column[few] // 2
-    assert ego_motion(now.half, before.half, K, now.point_m[few], pixels) is None
-    assert ego_motion(now.half, before.half, K, now.point_m[:0], (now.view.row[:0], now.view.column[:0])) is None
+    assert motion_between(now, before, some=slice(0, 12)) is None
+    assert motion_between(now, before, some=slice(0, 0)) is None
 
 
 def test_pictures_that_have_nothing_in_common_give_no_motion():
     rng = np.random.default_rng(3)
     now = moment(2)
-    noise = rng.integers(0, 256, now.half.shape, dtype=np.uint8)
-    pixels = now.view.row // 2, now.view.column // 2
-    assert ego_motion(now.half, noise, HALVED @ now.camera.intrinsics, now.point_m, pixels) is None
+    assert motion_between(now, showing(now, rng.integers(0, 256, now.grey.shape, dtype=np.uint8))) is None
+
+
+def test_a_pattern_that_is_thrown_into_the_lens_does_not_make_the_vehicle_stand():
+    now, before = moment(4), moment(3)
+    true = motion_between(now, before)
+    lit = motion_between(*(showing(each, cv2.add(each.grey, spots())) for each in (now, before)))
+    assert np.linalg.norm(lit.translation_m - true.translation_m) < 0.1 * true.length_m
+
+
+def test_a_vehicle_stands_though_a_pattern_moves_over_half_of_its_picture():
+    now = moment(4)
+    moved = now.grey.copy()
+    moved[:, 300:900] = np.roll(now.grey, 6, axis=1)[:, 300:900]
+    assert motion_between(now, showing(now, moved)).length_m < 0.05

@@ -72,7 +72,7 @@ def test_a_pattern_that_stays_is_no_conflict_of_the_lidar():
 
 
 def test_a_bogus_wall_stays_a_conflict_and_is_no_still_texture():
-    now, before, long_ago = (moment(n, wall=True) for n in (FAR + 1, FAR, 0))
+    now, before, long_ago = (moment(n, wall=True) for n in (9, 8, 0))
     found = parallax_conflicts(now, before, long_ago=long_ago.half)
     assert np.count_nonzero(found.points.lidar_conflicts) > 30
     assert found.still_texture < 0.2

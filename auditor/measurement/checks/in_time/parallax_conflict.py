@@ -42,9 +42,6 @@ _FIRST = np.flatnonzero((_OFFSETS % PARALLAX_CONFLICT.step_px == 0) & (np.abs(_O
 """The places of the offsets that are tried first."""
 _FURTHER = np.arange(1 - PARALLAX_CONFLICT.step_px, PARALLAX_CONFLICT.step_px)[:, None]
 """Those that are tried then, from the best of them: it, its neighbours, and their neighbours."""
-_MIDDLE = (1 / HALF - 1) / 2
-_HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])
-"""From pixels to half px, whose middles lie between those of two pixels."""
 _AT_ONCE = 256
 """Points that are compared with all others at once: memory stays bounded."""
 _PATCHES_AT_ONCE = 2048
@@ -123,13 +120,11 @@ def parallax_conflicts(
     """
     view, moved_m, motion, texture = now.view, nan, None, None
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
-    row, column = view.row // HALF, view.column // HALF
-    some = np.flatnonzero(textured(now.half)[row, column])
+    some = np.flatnonzero(textured(now.half)[view.row // HALF, view.column // HALF])
     if before is not None and now.follows(before) and before.half.shape == now.half.shape:
-        K = _HALVED @ now.camera.intrinsics
-        motion = ego_motion(now.half, before.half, K, now.point_m[some], (row[some], column[some]), expected)
+        motion = ego_motion(now, before, some, expected)
         if motion is not None:
-            moved_m = float(np.linalg.norm(motion.translation_m))
+            moved_m = motion.length_m
             sought = _seen_before(now, some, motion)
             compared = _sampled(now, before, sought)
             valid[sought.point[compared.agrees]] = True
