@@ -5,7 +5,7 @@
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time. A rise at either
-   end that is no finding, with no other one beside it, is no part of it.
+   end that is no finding, with no other one beside it, is no part of it; nor is a lone finding far from all others.
 5. It has to be evidence of one and the same sensor, in as many findings as an incident needs. Where a fault explains a
    frame as well its evidence counts for a share, and an attack is an incident by the frames that no fault explains
    (`Excursion.peak`).
@@ -16,10 +16,11 @@
    false alerts is promised (`alerts`).
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import ceil, log
+from math import ceil, inf, log
 
 import numpy as np
 
@@ -147,7 +148,7 @@ def excursions(evidence: FrameEvidence, raised: Flags) -> Iterator[Excursion]:
     """
     for run in places_of(evidence.runs):
         added = evidence.added[run.start : run.stop].tolist()
-        for rises in _rises(run, added, _quiet_frames(evidence, run.start)):
+        for rises in _rises(run, added, quiet_frames(evidence, run.start)):
             yield Excursion(tuple(rises), _peak(evidence, rises, raised))
 
 
@@ -159,13 +160,42 @@ def peaks_of(evidence: FrameEvidence, raised: Flags) -> list[float]:
     return [one.peak for one in excursions(evidence, raised) if one.peak > 0]
 
 
-def events(evidence: FrameEvidence, raised: Flags, limit: float) -> list[Event]:
+def events(evidence: FrameEvidence, raised: Flags, limit: float, per_hour: float | None = None) -> list[Event]:
     """The incidents of F frames in the order of time: where the sum exceeds the `limit`.
 
     Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
-    two at least, and as many as are worth most of an independent one.
+    two at least, and as many as are worth most of an independent one. A false incident `per_hour` is allowed.
     """
-    return [Event(_trimmed(one.rises, raised)) for one in excursions(evidence, raised) if one.peak > limit]
+    strong = strong_frames(evidence, raised, per_hour)
+    return [
+        Event(_trimmed(_between(one.rises, raised, strong, evidence.periods_s), raised))
+        for one in excursions(evidence, raised)
+        if one.peak > limit
+    ]
+
+
+def _between(rises: Sequence[int], raised: Flags, strong: Flags, periods_s: Floats) -> tuple[int, ...]:
+    """The rises of an incident less its `_lone_ends`, and less all that lies beyond these."""
+    findings = [place for place in rises if raised[place]]
+    before, behind = _lone_ends(findings, strong, periods_s, INCIDENTS.gap_s)
+    return tuple(rises[bisect_right(rises, max(before, default=-1)) : bisect_left(rises, min(behind, default=inf))])
+
+
+def _lone_ends(
+    findings: Sequence[int], strong: Flags, periods_s: Floats, seconds: float
+) -> tuple[Sequence[int], Sequence[int]]:
+    """The findings before those that an event begins with, and those behind the ones that it ends with.
+
+    Each stands alone, so many seconds from all others, and is not `strong` (F,): a false finding long before an attack
+    is not its beginning. Where all are as far apart, as those of a strobe, each is a part of the event.
+    """
+    far = [after - one > _frames_of(seconds, float(periods_s[one])) for one, after in pairwise(findings)]
+    if all(far):
+        return (), ()
+    weak = [not strong[place] for place in findings]
+    first = next(at for at, (lone, one) in enumerate(zip(far, weak, strict=False)) if not (lone and one))
+    last = next(at for at, (lone, one) in enumerate(zip(far[::-1], weak[::-1], strict=False)) if not (lone and one))
+    return findings[:first], findings[len(findings) - last :]
 
 
 def _trimmed(rises: Sequence[int], raised: Flags) -> tuple[int, ...]:
@@ -188,9 +218,15 @@ def strong_frames(evidence: FrameEvidence, raised: Flags, per_hour: float | None
 
 
 def alerts(
-    loose: Flags, verdicts: Mapping[int, Verdict], accusing: Flags, audited: Flags, strong: Flags, r: float
+    loose: Flags,
+    verdicts: Mapping[int, Verdict],
+    accusing: Flags,
+    audited: Flags,
+    strong: Flags,
+    periods_s: Floats,
+    r: float,
 ) -> list[Event]:
-    """The alerts among F frames that are judged at r, in the order of time; all flags are (F,).
+    """The alerts among F frames that are judged at r, in the order of time; all flags are (F,), and so are `periods_s`.
 
     `loose` are findings by themselves that no incident holds, and `verdicts` those on them, by place; `accusing` are
     frames that say attacked or unidentified, `audited` those with a verdict. The `strong` ones are told by themselves.
@@ -198,6 +234,8 @@ def alerts(
     share = max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited)
     named = {place: verdicts[place].attacked for place in np.flatnonzero(loose).tolist()}
     often = _often(named, max(share, FEWEST_FINDINGS))
+    lone = {place for ends in _lone_ends(often, strong, periods_s, INCIDENTS.quiet_s) for place in ends}
+    often = tuple(place for place in often if place not in lone)
     groups = [often] if often else []
     left = loose.copy()
     left[list(often)] = False
@@ -324,11 +362,14 @@ def _highest(added: Floats) -> Floats:
     return np.asarray((total - lowest).max(axis=0))
 
 
-def _quiet_frames(evidence: FrameEvidence, place: int) -> int:
+def quiet_frames(evidence: FrameEvidence, place: int) -> int:
     """For how many frames of a run the sum must not have risen until its excursion has ended."""
-    period = float(evidence.periods_s[place])
-    frames = ceil(INCIDENTS.quiet_s / period) if period > 0 else 0
-    return max(frames, QUIET_FRAMES)
+    return _frames_of(INCIDENTS.quiet_s, float(evidence.periods_s[place]))
+
+
+def _frames_of(seconds: float, period_s: float) -> int:
+    """How many frames so many seconds have at a period, and at least as many as a strobe leaves out."""
+    return max(ceil(seconds / period_s) if period_s > 0 else 0, QUIET_FRAMES)
 
 
 def places_of(runs: Integers) -> Iterator[range]:
