@@ -16,11 +16,10 @@
    false alerts is promised (`alerts`).
 """
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import ceil, inf, log
+from math import ceil, log
 
 import numpy as np
 
@@ -168,45 +167,30 @@ def events(evidence: FrameEvidence, raised: Flags, limit: float, per_hour: float
     """
     strong = strong_frames(evidence, raised, per_hour)
     return [
-        Event(_trimmed(_between(one.rises, raised, strong, evidence.periods_s), raised))
+        Event(_trimmed(one.rises, raised, strong, evidence.periods_s, INCIDENTS.gap_s))
         for one in excursions(evidence, raised)
         if one.peak > limit
     ]
 
 
-def _between(rises: Sequence[int], raised: Flags, strong: Flags, periods_s: Floats) -> tuple[int, ...]:
-    """The rises of an incident less its `_lone_ends`, and less all that lies beyond these."""
+def _trimmed(rises: Sequence[int], raised: Flags, strong: Flags, periods_s: Floats, seconds: float) -> tuple[int, ...]:
+    """The frames of an event less those at its ends that stand alone.
+
+    A clean frame with a little evidence, half a second after an attack, is no part of it, where no other is beside it.
+    Nor is a finding that is not `strong` (F,), with no other frame within so many `seconds`: a false one long before an
+    attack is not its beginning. Where all findings are as far apart, as those of a strobe, each is a part of the event.
+    """
     findings = [place for place in rises if raised[place]]
-    before, behind = _lone_ends(findings, strong, periods_s, INCIDENTS.gap_s)
-    return tuple(rises[bisect_right(rises, max(before, default=-1)) : bisect_left(rises, min(behind, default=inf))])
+    far = _frames_of(seconds, float(periods_s[rises[0]]))
+    weak = ~strong & any(after - one <= far for one, after in pairwise(findings))
 
+    def alone(place: int, beside: int) -> bool:
+        return bool(abs(beside - place) > far and weak[place]) if raised[place] else abs(beside - place) > 1
 
-def _lone_ends(
-    findings: Sequence[int], strong: Flags, periods_s: Floats, seconds: float
-) -> tuple[Sequence[int], Sequence[int]]:
-    """The findings before those that an event begins with, and those behind the ones that it ends with.
-
-    Each stands alone, so many seconds from all others, and is not `strong` (F,): a false finding long before an attack
-    is not its beginning. Where all are as far apart, as those of a strobe, each is a part of the event.
-    """
-    far = [after - one > _frames_of(seconds, float(periods_s[one])) for one, after in pairwise(findings)]
-    if all(far):
-        return (), ()
-    weak = [not strong[place] for place in findings]
-    first = next(at for at, (lone, one) in enumerate(zip(far, weak, strict=False)) if not (lone and one))
-    last = next(at for at, (lone, one) in enumerate(zip(far[::-1], weak[::-1], strict=False)) if not (lone and one))
-    return findings[:first], findings[len(findings) - last :]
-
-
-def _trimmed(rises: Sequence[int], raised: Flags) -> tuple[int, ...]:
-    """The rises of an incident less those at its ends that are no findings and that no other frame of it is beside.
-
-    A clean frame with a little evidence, half a second after an attack, is no part of it.
-    """
     first, end = 0, len(rises)
-    while not raised[rises[first]] and rises[first + 1] - rises[first] > 1:
+    while end - first > 1 and alone(rises[first], rises[first + 1]):
         first += 1
-    while not raised[rises[end - 1]] and rises[end - 1] - rises[end - 2] > 1:
+    while end - first > 1 and alone(rises[end - 1], rises[end - 2]):
         end -= 1
     return tuple(rises[first:end])
 
@@ -234,11 +218,9 @@ def alerts(
     share = max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited)
     named = {place: verdicts[place].attacked for place in np.flatnonzero(loose).tolist()}
     often = _often(named, max(share, FEWEST_FINDINGS))
-    lone = {place for ends in _lone_ends(often, strong, periods_s, INCIDENTS.quiet_s) for place in ends}
-    often = tuple(place for place in often if place not in lone)
-    groups = [often] if often else []
+    groups = [_trimmed(often, loose, strong, periods_s, INCIDENTS.quiet_s)] if often else []
     left = loose.copy()
-    left[list(often)] = False
+    left[[place for group in groups for place in group]] = False
     groups += _rows(left, accusing, audited, _fewest_in_a_row(r))
     told = {place for group in groups for place in group}
     groups += [(place,) for place in np.flatnonzero(left & strong).tolist() if place not in told]
