@@ -106,7 +106,8 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
     raised = np.concatenate([judge.raised for judge in judges])[order]
     audited = np.concatenate([judge.audited for judge in judges])[order]
     thresholds = max((judge.thresholds for judge in judges), key=lambda one: one.evidence_limit)
-    incidents = events(evidence, raised, thresholds.evidence_limit)
+    limit, sensors = thresholds.evidence_limit, judges[0].sensors
+    incidents = events(evidence, raised, limit, thresholds.incidents_per_hour)
     lasting = _lasting(judges, order)
     needed = {
         *wanted,
@@ -115,13 +116,13 @@ def _judged(judges: Sequence["_Judge"], order: Integers, wanted: Collection[int]
         *(place for one in lasting for place in one.frames),
     }
     verdicts = _verdicts_of(judges, order, needed)
-    incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, thresholds.evidence_limit)]
-    held_events = with_lasting([held_of(one, verdicts, evidence) for one in incidents], lasting)
+    incidents = [part for one in incidents for part in _apart(one, verdicts, evidence, limit)]
+    held_events = with_lasting([held_of(one, verdicts, evidence, sensors, limit) for one in incidents], lasting)
     held = _flags(len(raised), (place for one in held_events for place in one.frames))
     accusing = _flags(len(raised), (place for place, verdict in verdicts.items() if verdict.kind in _ACCUSING))
     strong = strong_frames(evidence, raised, thresholds.incidents_per_hour)
-    loose = alerts(raised & ~held, verdicts, accusing, audited, strong, float(thresholds.r))
-    others = [held_of(one, verdicts, evidence) for one in loose]
+    loose = alerts(raised & ~held, verdicts, accusing, audited, strong, evidence.periods_s, float(thresholds.r))
+    others = [held_of(one, verdicts, evidence, sensors, limit) for one in loose]
     for number, event in enumerate(sorted([*held_events, *others], key=lambda one: one.first), 1):
         for place, frame in event.frames.items():
             finding = Finding(*frame.held_for, number, event.alert, frame.added)
@@ -185,7 +186,7 @@ class _Judge:
     ) -> None:
         self._series, self._system, self.thresholds = series, system, thresholds
         self._without_causes = without_causes
-        self.frames = len(series.stamps_ns)
+        self.frames, self.sensors = len(series.stamps_ns), system.sensors
         expected = [thresholds.expected.get(check) for check in system.sensor_checks]
         self._z = normalised_scores(series.statistics, expected)
         unused = ~series.present | series.frozen

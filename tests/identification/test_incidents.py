@@ -153,6 +153,17 @@ def test_a_frame_with_a_little_evidence_apart_from_an_incident_is_no_part_of_it(
     assert events(added(1, -0.2, 9, 9, 9, 1, -0.2, -0.2, 1), raised, 1.0) == [Event((0, 2, 3, 4, 5))]
 
 
+def test_a_lone_finding_far_from_the_others_is_no_end_of_an_incident():
+    def frames(*findings):
+        values = [9.0 if place in findings else -0.1 for place in range(40)]
+        raised = np.array([place in findings for place in range(40)])
+        return [one.frames for one in events(added(*values, period=0.1), raised, 1.0)]
+
+    assert frames(2, 9, 10, 11, 19) == [(9, 10, 11)]
+    assert frames(4, 9, 10, 11, 17) == [(4, 9, 10, 11)], "half a second is not far"
+    assert frames(2, 9, 16, 23) == [(2, 9, 16, 23)], "where all are far apart it is a strobe"
+
+
 def test_findings_of_other_sensors_make_no_incident_of_one():
     raised = np.ones(4, dtype=np.bool_)
     in_turn = [[9, -1], [9, -1], [-1, 9], [-1, 9]]

@@ -297,6 +297,21 @@ def test_sensors_attacked_in_turn_are_named_by_frame_and_no_other_is():
     assert {verdict.finding.event for verdict in verdicts if verdict.finding} == {1}
 
 
+@pytest.mark.parametrize("z", [4.0, 9.0])
+def test_a_lone_weak_finding_long_before_an_attack_does_not_begin_it(z):
+    series = series_of([3], z=z)
+    series.statistics[12:18] = series_of(range(12, 18), z=9.0).statistics[12:18]
+    held = [place for place, one in enumerate(judge_frames(series, SYSTEM, THRESHOLDS)) if one.in_incident]
+    assert held == [*range(12, 18)] if z < 9 else [3, *range(12, 18)], "what is strong counts by itself"
+
+
+def test_a_lone_weak_finding_long_before_others_does_not_begin_their_alert():
+    thresholds = replace(THRESHOLDS, evidence_limit=99.0)
+    for first, told in ((2, [15, 16]), (6, [6, 15, 16])):
+        verdicts = judge_frames(series_of([first, 15, 16], z=4.0), SYSTEM, thresholds)
+        assert [place for place, one in enumerate(verdicts) if one.in_alert] == told
+
+
 def portions_of(*hit, cut):
     """A series in two portions, as two rigs in turn measure it: that before a place, and that from it on."""
     whole = series_of(hit, z=6.0)

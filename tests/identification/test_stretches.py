@@ -120,3 +120,9 @@ def test_frames_that_other_sensors_were_named_for_stay_theirs():
     other, event = with_lasting([held([25, 26], (2,))], [LONG])
     assert (list(other.frames), other.named) == ([25, 26], {(2,)})
     assert set(event.frames) == set(LONG.frames) - {25, 26}
+
+
+def test_frames_that_are_held_for_a_sensor_more_say_where_a_stretch_begins_and_ends():
+    both = dict.fromkeys(range(23, 28), HeldFrame((ATTACKED, (0, 1)), 0.5))
+    brief = HeldEvent({**both, **held(range(28, 37), (1,)).frames})
+    assert with_lasting([brief], [LONG]) == [brief]

@@ -6,7 +6,6 @@ do, and rare frames do not move them. So the same scores, the same naming and th
 read a frame, with smaller deviations and a limit of its own.
 """
 
-from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -16,7 +15,14 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
-from auditor.identification.incidents.sequential import FEWEST_PER_HOUR, Event, FrameEvidence, periods_of, places_of
+from auditor.identification.incidents.courses import HeldFor, courses, names_of
+from auditor.identification.incidents.sequential import (
+    FEWEST_PER_HOUR,
+    Event,
+    FrameEvidence,
+    periods_of,
+    places_of,
+)
 from auditor.identification.incidents.series import FrameSeries
 from auditor.identification.prior import joint_limit, prior_of_check
 from auditor.identification.statistics import measured_medians
@@ -24,7 +30,7 @@ from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import SensorCheck
 from auditor.model.stamps import NANOSECONDS
-from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
+from auditor.model.verdict import Verdict, VerdictKind
 
 _AT_ONCE = 512
 """Windows whose values are in memory at once."""
@@ -207,10 +213,6 @@ def seconds_of(windows: Windows, stamps_ns: Integers) -> float:
     return float(np.median(lasts)) / NANOSECONDS
 
 
-HeldFor = tuple[VerdictKind, tuple[int, ...]]
-"""What a frame is held for: the kind, and the attacked sensors."""
-
-
 @dataclass(frozen=True)
 class HeldFrame:
     """What a frame of an event is held for, and what it adds to the event."""
@@ -242,11 +244,16 @@ class HeldEvent:
         return {frame.held_for[1] for frame in self.frames.values() if frame.held_for[0] is VerdictKind.ATTACKED}
 
 
-def held_of(event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence) -> HeldEvent:
-    """An event of single frames, with what they are held for."""
+def held_of(
+    event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence, sensors: Sequence[int], limit: float
+) -> HeldEvent:
+    """An event of single frames, with what they are held for; a course needs evidence beyond the `limit`."""
     added = evidence.added[list(event.frames)].tolist()
     own = [verdicts[place] for place in event.frames]
-    names = [(verdict.kind, verdict.attacked) for verdict in own] if event.alert else _names(own, added)
+    if event.alert:
+        names = [(verdict.kind, verdict.attacked) for verdict in own]
+    else:
+        names = names_of(own, added, courses([verdict.attacked for verdict in own], event, evidence, sensors, limit))
     held = (HeldFrame(*pair) for pair in zip(names, added, strict=True))
     return HeldEvent(dict(zip(event.frames, held, strict=True)), event.alert)
 
@@ -263,7 +270,8 @@ def with_lasting(of_frames: Sequence[HeldEvent], lasting: Sequence[LastingEvent]
         met = [other for other in events if not set(event.frames).isdisjoint(other.frames)]
         alike = [other for other in met if other.named <= {event.attacked}]
         others = {place for other in met if other not in alike for place in other.frames}
-        frames = _beyond(event, alike).difference(others)
+        whole_of = {place for other in alike for place in other.frames}
+        frames = _beyond(event, whole_of | _naming(event, met)).difference(others)
         held = HeldFrame((event.kind, event.attacked), event.strength / len(event.frames))
         whole = dict.fromkeys(sorted(frames), held)
         for other in alike:
@@ -273,46 +281,18 @@ def with_lasting(of_frames: Sequence[HeldEvent], lasting: Sequence[LastingEvent]
     return events
 
 
-def _beyond(event: LastingEvent, alike: Collection[HeldEvent]) -> set[int]:
-    """The frames of an event of stretches that lie clearly before or behind the events of frames that it takes in."""
-    if not alike:
+def _naming(event: LastingEvent, others: Sequence[HeldEvent]) -> set[int]:
+    """The frames of other events that are held for the sensors of an event of stretches, and maybe for more."""
+    attacked = set(event.attacked)
+    frames = ((place, set(frame.held_for[1])) for other in others for place, frame in other.frames.items())
+    return {place for place, sensors in frames if attacked and attacked <= sensors}
+
+
+def _beyond(event: LastingEvent, held: Collection[int]) -> set[int]:
+    """The frames of an event of stretches that lie clearly before or behind frames that are held for the same."""
+    if not held:
         return set(event.frames)
-    first, last = min(other.first for other in alike), max(other.last for other in alike)
+    first, last = min(held), max(held)
     before = {place for place in event.frames if place < first}
     behind = {place for place in event.frames if place > last}
     return {place for part in (before, behind) if len(part) > event.half for place in part}
-
-
-def _names(verdicts: Sequence[Verdict], added: Sequence[float]) -> list[tuple[VerdictKind, tuple[int, ...]]]:
-    """What each frame of an incident is held for: what most of its evidence speaks for.
-
-    Where a share of it names sensors that the likeliest set has none of, each frame is what it says itself, if another
-    frame says the same, and unidentified else: sensors may have been attacked in turn, and no innocent one is named.
-    """
-    likeliest = _likeliest(verdicts, added)
-    naming = [(one.attacked, more) for one, more in zip(verdicts, added, strict=True) if one.attacked]
-    others = sum(more for attacked, more in naming if set(attacked).isdisjoint(likeliest[1]))
-    if not likeliest[1] or others <= INCIDENTS.contested_share * sum(more for _, more in naming):
-        return [likeliest] * len(verdicts)
-    times = Counter(attacked for attacked, _ in naming)
-    return [
-        (VerdictKind.ATTACKED, one.attacked) if times[one.attacked] > 1 else (VerdictKind.UNIDENTIFIED, ())
-        for one in verdicts
-    ]
-
-
-def _likeliest(verdicts: Sequence[Verdict], added: Sequence[float]) -> tuple[VerdictKind, tuple[int, ...]]:
-    """The kind and the attacked sensors that most of an event's evidence speaks for.
-
-    The evidence of a frame speaks for what its own verdict says; that of a frame without a finding for nothing. Where
-    its sensors cannot be named it speaks for its likeliest set, if other frames of the event name that.
-    """
-    named = {verdict.attacked for verdict in verdicts if verdict.kind is VerdictKind.ATTACKED}
-    votes: dict[tuple[VerdictKind, tuple[int, ...]], float] = defaultdict(float)
-    for verdict, more in zip(verdicts, added, strict=True):
-        likeliest = verdict.alternatives[0].attacked if verdict.alternatives else ()
-        if verdict.kind is VerdictKind.UNIDENTIFIED and likeliest in named:
-            votes[VerdictKind.ATTACKED, likeliest] += more
-        elif verdict.kind in FINDINGS:
-            votes[verdict.kind, verdict.attacked] += more
-    return max(votes.items(), key=lambda one: one[1])[0]

@@ -5,7 +5,7 @@
 3. Successive frames are alike: each counts for the independent ones that it is worth at its rate (`frame_worth`).
 4. The sum of this evidence, which is never below zero, rises and falls. An excursion from zero that exceeds the limit
    is an incident. It begins with its first rise, and ends where the sum has not risen for some time. A rise at either
-   end that is no finding, with no other one beside it, is no part of it.
+   end that is no finding, with no other one beside it, is no part of it; nor is a lone finding far from all others.
 5. It has to be evidence of one and the same sensor, in as many findings as an incident needs. Where a fault explains a
    frame as well its evidence counts for a share, and an attack is an incident by the frames that no fault explains
    (`Excursion.peak`).
@@ -147,7 +147,7 @@ def excursions(evidence: FrameEvidence, raised: Flags) -> Iterator[Excursion]:
     """
     for run in places_of(evidence.runs):
         added = evidence.added[run.start : run.stop].tolist()
-        for rises in _rises(run, added, _quiet_frames(evidence, run.start)):
+        for rises in _rises(run, added, quiet_frames(evidence, run.start)):
             yield Excursion(tuple(rises), _peak(evidence, rises, raised))
 
 
@@ -159,24 +159,38 @@ def peaks_of(evidence: FrameEvidence, raised: Flags) -> list[float]:
     return [one.peak for one in excursions(evidence, raised) if one.peak > 0]
 
 
-def events(evidence: FrameEvidence, raised: Flags, limit: float) -> list[Event]:
+def events(evidence: FrameEvidence, raised: Flags, limit: float, per_hour: float | None = None) -> list[Event]:
     """The incidents of F frames in the order of time: where the sum exceeds the `limit`.
 
     Some frames that speak for one and the same sensor must be findings by themselves, as the flags `raised` (F,) say:
-    two at least, and as many as are worth most of an independent one.
+    two at least, and as many as are worth most of an independent one. A false incident `per_hour` is allowed.
     """
-    return [Event(_trimmed(one.rises, raised)) for one in excursions(evidence, raised) if one.peak > limit]
+    strong = strong_frames(evidence, raised, per_hour)
+    return [
+        Event(_trimmed(one.rises, raised, strong, evidence.periods_s, INCIDENTS.gap_s))
+        for one in excursions(evidence, raised)
+        if one.peak > limit
+    ]
 
 
-def _trimmed(rises: Sequence[int], raised: Flags) -> tuple[int, ...]:
-    """The rises of an incident less those at its ends that are no findings and that no other frame of it is beside.
+def _trimmed(rises: Sequence[int], raised: Flags, strong: Flags, periods_s: Floats, seconds: float) -> tuple[int, ...]:
+    """The frames of an event less those at its ends that stand alone.
 
-    A clean frame with a little evidence, half a second after an attack, is no part of it.
+    A clean frame with a little evidence, half a second after an attack, is no part of it, where no other is beside it.
+    Nor is a finding that is not `strong` (F,), with no other frame within so many `seconds`: a false one long before an
+    attack is not its beginning. Where all findings are as far apart, as those of a strobe, each is a part of the event.
     """
+    findings = [place for place in rises if raised[place]]
+    far = _frames_of(seconds, float(periods_s[rises[0]]))
+    weak = ~strong & any(after - one <= far for one, after in pairwise(findings))
+
+    def alone(place: int, beside: int) -> bool:
+        return bool(abs(beside - place) > far and weak[place]) if raised[place] else abs(beside - place) > 1
+
     first, end = 0, len(rises)
-    while not raised[rises[first]] and rises[first + 1] - rises[first] > 1:
+    while end - first > 1 and alone(rises[first], rises[first + 1]):
         first += 1
-    while not raised[rises[end - 1]] and rises[end - 1] - rises[end - 2] > 1:
+    while end - first > 1 and alone(rises[end - 1], rises[end - 2]):
         end -= 1
     return tuple(rises[first:end])
 
@@ -188,9 +202,15 @@ def strong_frames(evidence: FrameEvidence, raised: Flags, per_hour: float | None
 
 
 def alerts(
-    loose: Flags, verdicts: Mapping[int, Verdict], accusing: Flags, audited: Flags, strong: Flags, r: float
+    loose: Flags,
+    verdicts: Mapping[int, Verdict],
+    accusing: Flags,
+    audited: Flags,
+    strong: Flags,
+    periods_s: Floats,
+    r: float,
 ) -> list[Event]:
-    """The alerts among F frames that are judged at r, in the order of time; all flags are (F,).
+    """The alerts among F frames that are judged at r, in the order of time; all flags are (F,), and so are `periods_s`.
 
     `loose` are findings by themselves that no incident holds, and `verdicts` those on them, by place; `accusing` are
     frames that say attacked or unidentified, `audited` those with a verdict. The `strong` ones are told by themselves.
@@ -198,9 +218,9 @@ def alerts(
     share = max(ALERTS.share, ALERTS.times_r * r) * np.count_nonzero(audited)
     named = {place: verdicts[place].attacked for place in np.flatnonzero(loose).tolist()}
     often = _often(named, max(share, FEWEST_FINDINGS))
-    groups = [often] if often else []
+    groups = [_trimmed(often, loose, strong, periods_s, INCIDENTS.quiet_s)] if often else []
     left = loose.copy()
-    left[list(often)] = False
+    left[[place for group in groups for place in group]] = False
     groups += _rows(left, accusing, audited, _fewest_in_a_row(r))
     told = {place for group in groups for place in group}
     groups += [(place,) for place in np.flatnonzero(left & strong).tolist() if place not in told]
@@ -324,11 +344,14 @@ def _highest(added: Floats) -> Floats:
     return np.asarray((total - lowest).max(axis=0))
 
 
-def _quiet_frames(evidence: FrameEvidence, place: int) -> int:
+def quiet_frames(evidence: FrameEvidence, place: int) -> int:
     """For how many frames of a run the sum must not have risen until its excursion has ended."""
-    period = float(evidence.periods_s[place])
-    frames = ceil(INCIDENTS.quiet_s / period) if period > 0 else 0
-    return max(frames, QUIET_FRAMES)
+    return _frames_of(INCIDENTS.quiet_s, float(evidence.periods_s[place]))
+
+
+def _frames_of(seconds: float, period_s: float) -> int:
+    """How many frames so many seconds have at a period, and at least as many as a strobe leaves out."""
+    return max(ceil(seconds / period_s) if period_s > 0 else 0, QUIET_FRAMES)
 
 
 def places_of(runs: Integers) -> Iterator[range]:
