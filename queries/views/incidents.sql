@@ -20,13 +20,13 @@
 -- column first_frame: Number of the first frame, within the first recording.
 -- column last_frame: Number of the last frame, within the last recording.
 -- column parts: What each recording has of it, in order.
--- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident.
+-- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident, or is of its kind where there are none.
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
--- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
+-- column largest_gap: The gap of its strongest frame: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted; where frames are one of another kind, that it lasted carries the incident.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
--- column alternatives: The next-best explanations of its strongest frame, in words.
+-- column alternatives: The next-best explanations of its strongest frame, in words; NULL where that frame names other sensors than the incident.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
@@ -234,18 +234,25 @@ grouped AS (
         min(stamp_ns) AS from_ns,
         max(stamp_ns) AS to_ns,
         count(*) AS frames,
-        -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
+        -- Of frames that name what the incident names, before those of its kind, before those that only its time holds; of
+        -- equal gaps the last.
         arg_max(
             {
                 frame: frame,
                 name: incident.name,
                 measurement_id: incident.measurement_id,
-                alternatives: incident.alternatives,
-                posterior: incident.posterior
+                alternatives: CASE WHEN own_attacked = incident.attacked THEN incident.alternatives END,
+                posterior: incident.posterior,
+                gap: gap
             },
-            {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}
+            {
+                own: own_kind = incident.kind AND own_attacked = incident.attacked,
+                kind: own_kind = incident.kind,
+                gap: gap,
+                place: place,
+                frame: frame
+            }
         ) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest,
-        max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
         count(*) FILTER (own_kind IN ('attacked', 'unidentified', 'suspect')) AS findings,
         NOT bool_or(own_kind = incident.kind) AS of_all,
         max(posterior) FILTER (own_kind <> 'clean') AS posterior,
@@ -286,7 +293,7 @@ told AS (
         strongest.frame AS strongest_frame,
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
-        grouped.largest_gap,
+        strongest.gap AS largest_gap,
         CASE
             WHEN grouped.findings = 0 OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
                 THEN 'no single frame: weak evidence that lasts'
@@ -313,7 +320,7 @@ told AS (
             unnamed: grouped.kind <> 'attacked',
             seconds: grouped.from_ns - grouped.to_ns,
             findings: -grouped.findings,
-            gap: -coalesce(grouped.largest_gap, 0)
+            gap: -coalesce(strongest.gap, 0)
         } AS place_among_rigs
     FROM grouped
     JOIN whole USING (line, kind, attacked, run)
