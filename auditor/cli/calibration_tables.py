@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 20
 _MOST_NAMED = 5
+_MINUTES, _SECONDS = 60, 3600
+"""Of an hour."""
 _MANY = 0.2
 """The share of findings from which on a recording may not be clean, though none of them make an incident."""
 
 _ROBUST_COLUMNS = ("check", "sensor", "others", "N", "expected", "theta", "thresholds")
 _PAPER_COLUMNS = ("statistic", "triple", "N", "median", "max", "r", "theta", "resolvable")
-_LEFT_OUT_COLUMNS = ("recording", "frames", "hours", "findings", "incidents", "findings by paper")
+_LEFT_OUT_COLUMNS = ("recording", "frames", "time", "findings", "incidents", "findings by paper")
+_COUNTED = ("frames", "hours", "findings", "incidents", "findings by paper")
 
 
 def show_robust(made: "MadeCalibration", form: str) -> None:
@@ -131,11 +134,12 @@ def _table(robust: "Sequence[LeftOut]", paper: "Sequence[LeftOut]", names: Mappi
         for one, other in zip(robust, paper, strict=True)
     ]
     worst = sorted(rows, key=lambda row: (-row["findings"], -row["findings by paper"]))[:_MOST_ROWS]
-    whole = {column: sum(row[column] for row in rows) for column in _LEFT_OUT_COLUMNS[1:]}
+    whole = {column: sum(row[column] for row in rows) for column in _COUNTED}
     title = "Leave-one-recording-out: each recording judged by the others"
     if len(rows) > len(worst):
         title += f"; the {len(worst)} with the most findings of {len(rows)}"
-    print_rows([*worst, {"recording": "all together", **whole}], _LEFT_OUT_COLUMNS, title=title)
+    shown = [{**row, "time": _time(row["hours"])} for row in (*worst, {"recording": "all together", **whole})]
+    print_rows(shown, _LEFT_OUT_COLUMNS, title=title)
 
 
 def _warn_of_findings(results: "Sequence[LeftOut]", names: Mapping[str, str], judge: str) -> None:
@@ -167,7 +171,16 @@ def _share(results: "Sequence[LeftOut]") -> str:
 
 
 def _incidents(results: "Sequence[LeftOut]", hours: float) -> str:
-    return f"{_number(sum(one.incidents for one in results))} in {hours:.2g} h"
+    return f"{_number(sum(one.incidents for one in results))} in {_time(hours)}"
+
+
+def _time(hours: float) -> str:
+    """A length of time in the largest unit that it has one of."""
+    unit, length = next(
+        ((unit, hours * each) for unit, each in (("h", 1), ("min", _MINUTES)) if hours * each >= 1),
+        ("s", hours * _SECONDS),
+    )
+    return f"{length:.3g} {unit}"
 
 
 def _number(incidents: int) -> str:

@@ -18,11 +18,15 @@ class Exit(IntEnum):
 
 @dataclass(frozen=True)
 class NotAudited:
-    """A recording that was not audited, or not fully, and why."""
+    """A recording that was not audited, or not fully, and why.
+
+    `gaps` are the reasons one by one, where there may be several; `reason` has them all.
+    """
 
     recording: str
     path: str
     reason: str
+    gaps: tuple[str, ...] = ()
 
 
 @dataclass

@@ -10,9 +10,17 @@ from auditor.errors import RigError
 from auditor.model.coverage import TopicCoverage, declared, unread_line
 from auditor.model.optics.common_view import compared_shares, measured_view
 from auditor.model.rig import MOST_OFF_PX, Camera, Rig
+from auditor.model.rig_kind import RigKind
 from auditor.model.settings import Criteria
 from auditor.model.text import storable
-from auditor.pipeline.geometry import FirstFrames, RigDoubts, first_frames_of, rigs_through, rigs_to_begin_with
+from auditor.pipeline.geometry import (
+    FirstFrames,
+    RigDoubts,
+    first_frames_of,
+    rigs_of,
+    rigs_through,
+    rigs_to_begin_with,
+)
 from auditor.pipeline.reading import (
     FrameCount,
     Reading,
@@ -105,6 +113,16 @@ def describe(
             and all(one.complete for one in readings)
             and not any(seen.doubts.withheld for seen in first),
         }
+
+
+def kinds_of_rigs(where: Location, rig_file: Path | None = None) -> tuple[RigKind, ...]:
+    """The kinds of the rigs at a recording's beginning; none of one that says when it was attacked.
+
+    Raises RecordingError where it cannot be read, RigError where it has no rig.
+    """
+    with open_recording(where) as recording:
+        rigs = () if recording.labels() else rigs_of(survey(recording), rig_file)
+        return tuple(rig.kind for rig in rigs)
 
 
 def _without_cameras(surveyed: Survey) -> Iterator[str]:

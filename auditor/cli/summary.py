@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auditor.cli.calibration_tables import learnt
+from auditor.cli.audit_tables import show_incidents, show_recordings
 from auditor.cli.exit_codes import Exit, NotAudited, Tally
-from auditor.cli.output import answer, emit, print_rows, progress, say, shown, write_bytes
+from auditor.cli.output import answer, emit, progress, say, write_bytes
 from auditor.model.text import first_few, storable
 
 if TYPE_CHECKING:
@@ -20,21 +20,9 @@ if TYPE_CHECKING:
     from auditor.store.records import StoredJudgement
     from auditor.store.store import Store
 
-_WHERE_KNOWN = ("vehicle", "date")
-_COUNTS = ("clean", "attacked", "unidentified", "suspect")
-_RECORDING_COLUMNS = (
-    *("recording", "rig", *_WHERE_KNOWN, "frames", "audited", "looked at"),
-    *(*_COUNTS, "sensors", "r", "by"),
-)
-_MOST_BESIDE = 0.5
-"""The share of a LiDAR's points compared with cameras, below which it is said."""
-_EXPENDABLE = ("date", "r", "by", "vehicle", "looked at", "audited", "frames")
-_UNRESOLVED = "*"
-_INCIDENT_COLUMNS = ("incident", "recording", "verdict", "sensors", "frames", "from", "to", "seconds", "gap")
-_ID_SHOWN = 8
-_REMARK = "remark"
 _ONCE = "the same command without --shard relates, judges and shows them, and reads nothing again"
 _MOST_NAMED = 3
+_NOT_AUDITED = ("recording", "path", "reason")
 
 Remarks = dict[tuple[str, str], list[str]]
 """The names of the recordings that a remark on a rig kind holds for."""
@@ -129,11 +117,12 @@ def show_judging(results: "Iterable[JudgeResult]", store: "Store | None", tally:
             if result.judgement is not None and result.found:
                 graded = tally.with_incidents if result.judgement.in_incidents else tally.with_alerts
                 graded.add(counts_as)
-        gaps = "; ".join((result.error.what,) if result.error else result.gaps)
+        each = () if result.error else result.gaps
+        gaps = result.error.what if result.error else "; ".join(each)
         if gaps and (counts_as, gaps) not in said:
             said.add((counts_as, gaps))
             path = store.recording(measurement.recording_id).path
-            tally.not_audited.append(NotAudited(result.recording, path, gaps))
+            tally.not_audited.append(NotAudited(result.recording, path, gaps, each))
         tally.failed |= result.error is not None
         tally.incomplete |= result.error is None and not result.complete
         tally.audited |= result.judgement is not None
@@ -182,8 +171,9 @@ def show_audit(
             return
     if form == "table":
         if store is not None and (rows or not judged):
-            _show_tables(rows, incidents)
-        answer(closing_line(tally, _raised(rows, tally)))
+            show_recordings(rows)
+            show_incidents(rows, incidents)
+        answer(closing_line(tally, _raised(rows, tally), _audited_shares(rows)))
     elif form == "json":
         places = {result.recording_id: storable(located(result.recording).place) for result in measured}
         _show_json([{**row, "path": _path(store, places, row)} for row in rows], incidents, tally)
@@ -241,7 +231,7 @@ def _excuse(tally: Tally, incidents: Sequence[Mapping[str, Any]]) -> None:
 def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]], tally: Tally) -> None:
     from auditor.store.export import as_json  # noqa: PLC0415 - DuckDB is heavy
 
-    left = [vars(one) for one in tally.not_audited]
+    left = [{name: getattr(one, name) for name in _NOT_AUDITED} for one in tally.not_audited]
     write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
 
@@ -251,14 +241,23 @@ def _raised(rows: "Sequence[Mapping[str, Any]]", tally: Tally) -> int:
     return sum(row[kind] or 0 for row in quiet for kind in ("attacked", "unidentified", "suspect"))
 
 
-def closing_line(tally: Tally, raised: int = 0) -> str:
+def _audited_shares(rows: "Sequence[Mapping[str, Any]]") -> list[tuple[float, ...]]:
+    """Of each recording the shares of its frames that its rigs audited."""
+    shares: dict[str, tuple[float, ...]] = {}
+    for row in rows:
+        if row["audited_share"] is not None:
+            shares[row["recording_id"]] = (*shares.get(row["recording_id"], ()), row["audited_share"])
+    return list(shares.values())
+
+
+def closing_line(tally: Tally, raised: int = 0, shares: Collection[tuple[float, ...]] = ()) -> str:
     """How many recordings there were, how many have incidents or alerts, how many were not fully audited, and why.
 
-    `raised` are single frames that are findings beside them.
+    `raised` are single frames that are findings beside them, `shares` those of the frames of each recording that its
+    rigs audited.
     """
-    left = {one.path: one.reason for one in tally.not_audited}
     if tally.exit_code() is Exit.FAILED:
-        return f"nothing was audited: {_reasons(left)}"
+        return f"nothing was audited: {_reasons(tally.not_audited)}"
     line = f"{_count(len(tally.recordings))}: {len(tally.with_incidents) or 'none'} with incidents"
     if alerts := tally.with_alerts - tally.with_incidents:
         line += f", {len(alerts)} with alerts alone"
@@ -266,17 +265,35 @@ def closing_line(tally: Tally, raised: int = 0) -> str:
         line += f" ({len(tally.excused)} of them excused)"
     if raised:
         line += f", {raised} single frame{'s' * (raised > 1)} raised"
-    if not left:
-        return f"{line}, all fully audited" if tally.audited else line
-    return f"{line}, {len(left)} not fully audited: {_reasons(left)}"
+    if left := {one.path for one in tally.not_audited}:
+        return f"{line}, {len(left)} not fully audited: {_reasons(tally.not_audited)}"
+    return f"{line}, {_how_fully(shares)}" if tally.audited else line
 
 
-def _reasons(left: Mapping[str, str]) -> str:
-    """The most frequent reasons why recordings, by their paths, were not fully audited."""
-    why = Counter(reason.split(":")[0].split(";")[0] for reason in left.values()).most_common()
-    reasons = ", ".join(f"{reason} ({count})" if len(why) > 1 else reason for reason, count in why[:_MOST_NAMED])
+def _how_fully(shares: Collection[tuple[float, ...]]) -> str:
+    """How much of recordings was audited that have as much as is asked for."""
+    least = min((max(of_rigs) for of_rigs in shares), default=1.0)
+    if least < 1:
+        return f"all audited as far as is asked for: at least {100 * least:.1f} % of the frames of each"
+    partly = any(min(of_rigs) < 1 for of_rigs in shares)
+    return "all fully audited by at least one rig" if partly else "all fully audited"
+
+
+def _reasons(left: Sequence[NotAudited]) -> str:
+    """The most frequent reasons why recordings were not fully audited, each said once of a recording."""
+    said = {(one.path, _in_short(reason)): None for one in left for reason in one.gaps or (one.reason,)}
+    why = Counter(reason for _, reason in said).most_common()
+    several = len(why) > 1 and len({path for path, _ in said}) > 1
+    reasons = ", ".join(f"{reason} ({count})" if several else reason for reason, count in why[:_MOST_NAMED])
     others = len(why) - _MOST_NAMED
     return f"{reasons}, and {others} other reason{'s' * (others > 1)}" if others > 0 else reasons
+
+
+def _in_short(reason: str) -> str:
+    """The first clause of a reason; a sensor's name alone is none."""
+    name, colon, rest = reason.split(";", maxsplit=1)[0].partition(":")
+    of_sensor = name.startswith("S_") and " is " not in name
+    return f"{name}{colon}{rest.split(',')[0]}" if of_sensor else name
 
 
 def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
@@ -317,83 +334,6 @@ def _asked(store: "Store", judged: "Sequence[JudgeResult]", *, show_known: bool)
         measurements=set(shown),
         judgements={one.judgement.judgement_id for one in now if one.judgement is not None},
     )
-
-
-def _show_tables(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]]) -> None:
-    unknown = {column for column in _WHERE_KNOWN if all(row[column] is None for row in rows)}
-    if len({row["recording_id"] for row in rows}) == len(rows):  # each recording has one rig
-        unknown.add("rig")
-    columns = [column for column in _RECORDING_COLUMNS if column not in unknown]
-    print_rows([_recording(row) for row in rows], columns, expendable=_EXPENDABLE, wrapped=("sensors",))
-    if unresolved := sorted({shown(row["r"]) for row in rows if row["resolvable"] is False}):
-        answer(f"{_UNRESOLVED} r = {', '.join(unresolved)} is not resolvable: judged as at r = 0")
-    for drives, limit in sorted({(row["drives"], row["z_limit"]) for row in rows if row["drives"] is not None}):
-        answer(f"thresholds {learnt(drives)}: a finding has a z above {limit:.2f}")
-    compared = [row["lidar_share"] for row in rows if row["lidar_share"] is not None]
-    if compared and min(compared) < _MOST_BESIDE:
-        least, most = (f"{100 * share:.0f} %" for share in (min(compared), max(compared)))
-        answer(
-            f"LiDAR: {least if least == most else f'{least} to {most}'} of its points are compared with cameras; "
-            "elsewhere only what appears is noticed, by its own last scan"
-        )
-    if incidents:
-        shown_rows = _each_once(incidents)
-        told = [_REMARK] if any(row[_REMARK] for row in shown_rows) else []
-        alerts = any(row["grade"] == "alert" for row in incidents)
-        graded = (_INCIDENT_COLUMNS[0], "grade", *_INCIDENT_COLUMNS[1:]) if alerts else _INCIDENT_COLUMNS
-        several = ["rigs"] if len(shown_rows) < len(incidents) else []
-        print_rows(
-            shown_rows,
-            (*graded, *several, *told),
-            "Incidents and alerts" if alerts else "Incidents",
-            expendable=("gap", "seconds", "incident"),
-            wrapped=("sensors", *told),
-        )
-
-
-def _recording(row: Mapping[str, Any]) -> dict[str, Any]:
-    rate = shown(row["r"])
-    return {
-        "recording": row["name"],
-        "rig": row["rig_name"],
-        **{column: row[column] for column in (*_WHERE_KNOWN, *_COUNTS)},
-        "frames": row["frames"],
-        "audited": None if row["audited_share"] is None else f"{100 * row['audited_share']:.1f} %",
-        "looked at": None if row["looked_share"] is None else f"{100 * row['looked_share']:.0f} %",
-        "sensors": first_few([_named(one) for one in row["attacked_sets"]], _MOST_NAMED) or None,
-        "r": rate if row["resolvable"] is not False else f"{rate}{_UNRESOLVED}",
-        "by": row["by"],
-    }
-
-
-def _named(row: Mapping[str, Any]) -> str:
-    """A set of attacked sensors with its number of frames, as 'S_0 + S_2 (3)'."""
-    return f"{' + '.join(f'S_{sensor}' for sensor in row['attacked'])} ({row['frames']})"
-
-
-def _each_once(incidents: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The incidents with the number of rigs that say each; those that say the same as one of them are left out."""
-    ids = {row["incident_id"] for row in incidents}
-    said = Counter(row["same_as"] for row in incidents)
-    return [_incident(row) | {"rigs": 1 + said[row["incident_id"]]} for row in incidents if row["same_as"] not in ids]
-
-
-def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
-    from auditor.store.reviews import in_words  # noqa: PLC0415 - DuckDB is heavy
-
-    return {
-        _REMARK: in_words(row) if row["review"] else None,
-        "incident": row["incident_id"][:_ID_SHOWN],
-        "grade": row["grade"],
-        "recording": first_few(list(dict.fromkeys(part["name"] for part in row["parts"])), _MOST_NAMED),
-        "verdict": row["kind"],
-        "sensors": row["attacked_names"],
-        "frames": row["frames"],
-        "from": row["first_frame"],
-        "to": row["last_frame"],
-        "seconds": row["seconds"],
-        "gap": row["largest_gap"],
-    }
 
 
 def _count(recordings: int) -> str:

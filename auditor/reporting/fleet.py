@@ -14,7 +14,7 @@ from auditor.model.verdict import VerdictKind
 from auditor.reporting.incident.loading import IncidentList, OneIncident
 from auditor.reporting.incident.page import Clock
 from auditor.reporting.incident.render import LEAST_COVERAGE, render_one
-from auditor.reporting.templates import FILTERS, count, fill
+from auditor.reporting.templates import FILTERS, count, counted, fill
 from auditor.store.export import rows_of
 from auditor.store.queries import run_query
 from auditor.store.records import RecordingRecord
@@ -105,13 +105,8 @@ def load_fleet(store: Store, incidents: Sequence[Row]) -> dict[str, Any]:
         "incident_count": len(incidents),
         "excused_count": excused,
         "open_count": len(incidents) - excused,
-        "open_words": open_words(len(incidents) - excused - alerts, alerts),
+        "open_words": counted(len(incidents) - excused - alerts, alerts),
     }
-
-
-def open_words(incidents: int, alerts: int) -> str:
-    """How many incidents and alerts there are that no review excuses."""
-    return " and ".join(count(number, what) for number, what in ((incidents, "incident"), (alerts, "alert")) if number)
 
 
 def render(page: Row) -> str:
@@ -119,7 +114,7 @@ def render(page: Row) -> str:
     title = "Sensor audit: no attack found" if page["audited"] else "Sensor audit: nothing could be audited"
     if page["open_count"]:
         where = count(page["recordings"], "recording")
-        title = f"Sensor audit: {count(page['open_count'], 'incident')} in {where}"
+        title = f"Sensor audit: {page['open_words']} in {where}"
     values = {"page": page, "title": title, "least_coverage": LEAST_COVERAGE, "max_days": MOST_DAYS}
     return fill("fleet.html", values, filters=FILTERS)
 

@@ -28,6 +28,11 @@ def count(number: int, noun: str) -> str:
     return f"{thousands(number)}{NO_BREAK_SPACE}{noun}{'' if number == 1 else 's'}"
 
 
+def counted(incidents: int, alerts: int) -> str:
+    """How many incidents and alerts there are; of none, nothing."""
+    return " and ".join(count(number, what) for number, what in ((incidents, "incident"), (alerts, "alert")) if number)
+
+
 def percent(share: float) -> str:
     """Per cent to one decimal, cut and not rounded: 100 % is shown for the whole only."""
     return f"{math.floor(share * 1000 + 1e-9) / 10:.1f}{NO_BREAK_SPACE}%"

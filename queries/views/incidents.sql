@@ -20,18 +20,18 @@
 -- column first_frame: Number of the first frame, within the first recording.
 -- column last_frame: Number of the last frame, within the last recording.
 -- column parts: What each recording has of it, in order.
--- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident.
+-- column strongest_frame: Number of the frame with the largest gap, of those whose own verdict is that of the incident, or is of its kind where there are none.
 -- column strongest_name: The recording that it is in.
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
--- column largest_gap: The largest gap of its frames: by how much z the strongest sensor exceeds the next, or the limit.
+-- column largest_gap: The gap of its strongest frame: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted; where frames are one of another kind, that it lasted carries the incident.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
--- column alternatives: The next-best explanations of its strongest frame, in words.
+-- column alternatives: The next-best explanations of its strongest frame, in words; NULL where that frame names other sensors than the incident.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).
 -- column causes: What else than an attack may lie behind it, in words; of what lasts, that it explains frames by themselves alone.
--- column same_as: The incident of another rig of its recording that says the same, of all of its time: that names the same sensors, or names what this one cannot; NULL where this one stands by itself.
+-- column same_as: The incident of another rig of its recording that says the same, of all of its time, the stronger of the two: that names the same sensors, or names what this one cannot by findings of its own frames, or has such findings where this one names by weak evidence alone; NULL where this one stands by itself.
 -- column review: What somebody said of it (auditor review), or else of the incident that says the same: confirmed, false-alarm or known; NULL where nobody did, or where the review no longer counts.
 -- column review_reason: Why, in the reviewer's own words.
 -- column reviewed_seconds: How long the incident was when that was said; it may have grown since.
@@ -234,19 +234,26 @@ grouped AS (
         min(stamp_ns) AS from_ns,
         max(stamp_ns) AS to_ns,
         count(*) AS frames,
-        -- Of frames whose own verdict is that of the incident, before those that only its time holds; of equal gaps the last.
+        -- Of frames that name what the incident names, before those of its kind, before those that only its time holds; of
+        -- equal gaps the last.
         arg_max(
             {
                 frame: frame,
                 name: incident.name,
                 measurement_id: incident.measurement_id,
-                alternatives: incident.alternatives,
-                posterior: incident.posterior
+                alternatives: CASE WHEN own_attacked = incident.attacked THEN incident.alternatives END,
+                posterior: incident.posterior,
+                gap: gap
             },
-            {own: own_kind = incident.kind, gap: gap, place: place, frame: frame}
+            {
+                own: own_kind = incident.kind AND own_attacked = incident.attacked,
+                kind: own_kind = incident.kind,
+                gap: gap,
+                place: place,
+                frame: frame
+            }
         ) FILTER (gap IS NOT NULL AND own_kind <> 'clean') AS strongest,
-        max(gap) FILTER (own_kind <> 'clean') AS largest_gap,
-        bool_and(own_kind = 'clean') AS weak,
+        count(*) FILTER (own_kind IN ('attacked', 'unidentified', 'suspect')) AS findings,
         NOT bool_or(own_kind = incident.kind) AS of_all,
         max(posterior) FILTER (own_kind <> 'clean') AS posterior,
         max(log10_ratio) FILTER (own_kind <> 'clean') AS log10_ratio,
@@ -286,9 +293,9 @@ told AS (
         strongest.frame AS strongest_frame,
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
-        grouped.largest_gap,
+        strongest.gap AS largest_gap,
         CASE
-            WHEN grouped.weak OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
+            WHEN grouped.findings = 0 OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
                 THEN 'no single frame: weak evidence that lasts'
             WHEN grouped.of_all THEN format('{}; no single frame is {} by itself: what lasts is', carried.evidence, grouped.kind)
             ELSE carried.evidence
@@ -309,9 +316,11 @@ told AS (
         ] AS explained_topics,
         {
             alert: grouped.alert,
+            weak: grouped.findings = 0,
             unnamed: grouped.kind <> 'attacked',
             seconds: grouped.from_ns - grouped.to_ns,
-            ratio: -coalesce(grouped.log10_ratio, 0)
+            findings: -grouped.findings,
+            gap: -coalesce(strongest.gap, 0)
         } AS place_among_rigs
     FROM grouped
     JOIN whole USING (line, kind, attacked, run)
@@ -328,7 +337,8 @@ found AS (
         FROM told
     )
 ),
--- Rigs of one recording share sensors: what one of them names, others see as well, and name it or cannot.
+-- Rigs of one recording share sensors: what one of them names, others see as well, and name it or cannot. What no frame
+-- says by itself takes the place of nothing that frames do say.
 same AS (
     SELECT
         found.incident_id,
@@ -347,8 +357,11 @@ same AS (
                     THEN found.kind = 'suspect' AND list_sort(found.explained_topics) = list_sort(other.explained_topics)
                 WHEN other.kind = 'attacked' AND found.kind = 'attacked'
                     THEN list_sort(found.attacked_topics) = list_sort(other.attacked_topics)
-                ELSE other.kind = 'attacked' AND found.kind = 'unidentified'
-                    AND list_has_all(found.topics, other.attacked_topics)
+                WHEN other.kind = 'attacked'
+                    THEN found.kind = 'unidentified' AND NOT other.place_among_rigs.weak
+                        AND list_has_all(found.topics, other.attacked_topics)
+                ELSE found.kind = 'attacked' AND found.place_among_rigs.weak
+                    AND list_has_all(other.topics, found.attacked_topics)
             END
     GROUP BY found.incident_id
 ),

@@ -4,12 +4,15 @@ import io
 import json
 import shutil
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 
 import pytest
 
 from auditor import __version__
-from auditor.cli import run
+from auditor.cli import calibration_tables, run
+from auditor.lab.simulation.drives import make_drive
 from auditor.model.verdict import JUDGING_VERSION
+from auditor.recordings import write_mcap
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, write_rows
 from auditor.store.versions.history import calibrations_in_force
@@ -164,3 +167,36 @@ def test_an_unknown_calibration_is_refused_with_what_lists_them(audit):
     assert "auditor: '': no calibration has that id; " in audit("calibration", "promote", "").err
     answer = audit("calibration", "rollback", "ffff")
     assert (answer.code, "name one that is in force" in answer.err) == (2, True)
+
+
+def drive_of(folder, name, cameras):
+    """A short clean recording of so many cameras beside a LiDAR."""
+    drive = make_drive(2, 4, n_cameras=cameras, width_px=320, height_px=120)
+    write_mcap(folder / name, drive.rig, drive.frames())
+    return folder / name
+
+
+def test_two_rig_kinds_into_one_file_are_refused_with_their_names_before_anything_is_measured(tmp_path, capfd):
+    recordings = [str(drive_of(tmp_path, f"{cameras}.mcap", cameras)) for cameras in (3, 4)]
+    store, out = tmp_path / "audit", tmp_path / "one.json"
+    assert run(["calibrate", *recordings, "--store", str(store), "--out", str(out)]) == 2
+    said = capfd.readouterr().err
+    assert "--out: these recordings have 2 rig kinds (LiDAR + 3 cameras" in said
+    assert "; LiDAR + 4 cameras" in said
+    assert "measured" not in said
+    assert not Store.open(store).measurements()
+    assert not out.exists()
+
+
+def test_a_calibration_of_what_cannot_be_measured_says_why(tmp_path, capfd):
+    drive = make_drive(2, 3, n_cameras=2, width_px=320, height_px=120)
+    rig = replace(drive.rig, lidar=None)
+    write_mcap(tmp_path / "pair.mcap", rig, (replace(frame, cloud=None) for frame in drive.frames()))
+    assert run(["calibrate", str(tmp_path / "pair.mcap"), "--store", str(tmp_path / "audit")]) == 2
+    said = capfd.readouterr().err
+    assert "no recording could be measured to calibrate on: no triple possible: there is no LiDAR" in said
+    assert "no clean recording" not in said
+
+
+def test_how_long_clean_recordings_are_is_said_in_a_unit_that_can_be_read():
+    assert [calibration_tables._time(seconds / 3600) for seconds in (1.25, 90, 5400)] == ["1.25 s", "1.5 min", "1.5 h"]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from auditor.cli import output, run, summary
+from auditor.cli import audit_tables, output, run, summary
 from auditor.cli.exit_codes import NotAudited, Tally
 from auditor.model.calibration import RobustThresholds
 from auditor.model.verdict import Finding, VerdictKind
@@ -58,9 +58,9 @@ def test_sets_of_sensors_are_counted_frame_by_frame_and_the_rest_is_a_number(sto
         ("name", "rig_name", "vehicle", "date", "frames", "clean", "attacked", "unidentified", "suspect", "r", "by")
     )
     row |= {"audited_share": None, "looked_share": 0.9, "resolvable": None, "attacked_sets": sets[:2]}
-    assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
+    assert audit_tables._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3)"
     row["attacked_sets"] = sets
-    assert summary._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3), S_1 (2) and 1 more"
+    assert audit_tables._recording(row)["sensors"] == "S_2 (37), S_0 + S_2 (3), S_1 (2) and 1 more"
 
 
 def test_vehicle_and_date_stand_in_the_table_where_they_are_known(store, capfd):
@@ -149,10 +149,37 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
             "7 recordings: none with incidents, 5 not fully audited: damaged (2), no thresholds (1), "
             "25 of 40 frames audited (1), and 1 other reason",
         ),
+        (
+            Tally(
+                audited=True,
+                recordings={"a"},
+                not_audited=[
+                    NotAudited(
+                        "a", "a", "all of it", ("23 of 24 frames audited", "S_1 left is seen by none: no other")
+                    ),
+                    NotAudited("a", "a", "all of it", ("23 of 24 frames audited", "S_2 right: 3 % is compared, 5 due")),
+                ],
+            ),
+            "1 recording: none with incidents, 1 not fully audited: 23 of 24 frames audited, S_1 left is seen by none, "
+            "S_2 right: 3 % is compared",
+        ),
     ],
 )
 def test_the_closing_line_counts_recordings_and_says_why(tally, line):
     assert summary.closing_line(tally) == line
+
+
+@pytest.mark.parametrize(
+    ("shares", "how"),
+    [
+        ([(1.0,), (1.0, 1.0)], "all fully audited"),
+        ([(1.0,), (0.79, 0.96, 1.0)], "all fully audited by at least one rig"),
+        ([(0.958,), (0.79, 1.0)], "all audited as far as is asked for: at least 95.8 % of the frames of each"),
+    ],
+)
+def test_the_closing_line_says_no_more_than_the_rows_above_it(shares, how):
+    tally = Tally(audited=True, recordings={"a", "b"})
+    assert summary.closing_line(tally, 0, shares) == f"2 recordings: none with incidents, {how}"
 
 
 def test_the_closing_line_says_how_many_single_frames_are_raised_where_nothing_is_found():
@@ -281,3 +308,33 @@ def test_an_alert_is_shown_beside_incidents_with_its_grade(store, capfd):
     assert "Incidents and alerts" in out
     [shown] = [line.split() for line in out.splitlines() if " alert " in line]
     assert shown[1:5] == ["alert", "a.mcap", "attacked", "S_1"]
+
+
+def two_rigs(store, own, finding):
+    """A recording of two rigs, in both of which each frame says `own` and is of an event; thresholds differ."""
+    for cameras, limit in ((3, 4.0), (2, 3.0)):
+        rig = rig_of(cameras)
+        known = add_measurement(store, rig, [make_measurement(rig, number) for number in range(3)], name="a.mcap")
+        thresholds = RobustThresholds("c" * 32, Decimal("0.01"), limit, {}, {}, drives=0)
+        rows = [(frame, frame, replace(make_verdict(rig, own), finding=finding)) for frame in range(3)]
+        store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
+
+
+def test_where_a_recording_has_several_rigs_limits_and_incidents_say_which(store, capfd):
+    two_rigs(store, "1", Finding(VerdictKind.ATTACKED, (1,)))
+    summary.show_audit(store, "table", Tally())
+    out = capfd.readouterr().out
+    assert "thresholds prior for 2 cameras: a finding has a z above 3.00" in out
+    assert "thresholds prior for 3 cameras: a finding has a z above 4.00" in out
+    [incident] = table(out.partition("Incidents")[2])[1:2]
+    assert incident[1:5] == ["a.mcap", *incident[2:3], "attacked", "S_1 cam1"]
+    assert incident[2] in ("2 cameras", "3 cameras")
+
+
+def test_an_incident_of_which_no_frame_is_a_finding_says_so_below_the_table(store, capfd):
+    two_rigs(store, "c", Finding(VerdictKind.ATTACKED, (1,)))
+    summary.show_audit(store, "table", Tally())
+    said = capfd.readouterr().out
+    assert re.search(
+        r"^[0-9a-f]{8}: weak evidence that lasts; none of its frames is a finding by itself$", said, re.MULTILINE
+    )

@@ -12,9 +12,10 @@ from auditor.pipeline.judged import JudgeResult
 from auditor.pipeline.measured import MeasureResult
 from auditor.pipeline.scan import keep_ledger
 from auditor.reporting import fleet
-from auditor.reporting.fleet import open_words, render_fleet_report
+from auditor.reporting.fleet import render_fleet_report
 from auditor.reporting.incident.loading import IncidentList
 from auditor.reporting.incident.render import render_incident_page
+from auditor.reporting.templates import counted
 from auditor.store.queries import run_query
 from auditor.store.reviews import ReviewVerdict, review_incident
 from auditor.store.store import Store
@@ -193,4 +194,4 @@ def test_pages_of_hostile_text_open_without_a_console_message_or_a_request(pages
     [(2, 0, "2 incidents"), (2, 1, "1 incident and 1 alert"), (3, 3, "3 alerts"), (1500, 0, "1\u2009500 incidents")],
 )
 def test_the_headline_counts_alerts_beside_incidents(incidents: int, alerts: int, words: str) -> None:
-    assert open_words(incidents - alerts, alerts).replace("\u00a0", " ") == words
+    assert counted(incidents - alerts, alerts).replace("\u00a0", " ") == words

@@ -1,16 +1,24 @@
 """The incident page of judgements by the robust method: evidence by sensor and check, and z against the limit."""
 
+from dataclasses import replace
+from decimal import Decimal
+
 import numpy as np
 import pytest
 
+from auditor.identification.evidence_parameters import LIKELIHOOD
+from auditor.model.calibration import RobustThresholds
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.checks.kind import Of
-from auditor.model.verdict import Evidence
+from auditor.model.verdict import Alternative, Evidence, Finding, VerdictKind
 from auditor.reporting.incident.loading import load_page
-from auditor.reporting.incident.render import render
+from auditor.reporting.incident.render import render, render_incident_page
 from auditor.reporting.incident.timeline import evidence_lines, sensor_scores, with_evidence
+from auditor.store.queries import run_query
+from auditor.store.records import JudgementRecord
 from tests.making.pages import Page
 from tests.making.report_stores import add_recording, make_rig, new_store
+from tests.making.stores import NOON, RULES, add_measurement, make_measurement, make_verdict
 
 NAN = np.nan
 
@@ -98,6 +106,66 @@ def test_two_cameras_alone_are_told_as_a_pair(store):
     of_two = [line for line in incident.checks if line.check != "coloured_light"]  # that one camera alone can show
     assert {(line.sensor, line.other) for line in of_two} <= {(1, 2), (2, 1)}
     assert "one of the two sees light that the other does not" in words_of(store)
+
+
+def kept(store, *verdicts):
+    """A store with these verdicts on successive frames."""
+    rig = make_rig()
+    known = add_measurement(store, rig, [make_measurement(rig, frame) for frame in range(len(verdicts))])
+    thresholds = RobustThresholds("c" * 32, Decimal("0.01"), 4.0, {}, {}, drives=0)
+    rows = [(frame, frame * 10**9, verdict) for frame, verdict in enumerate(verdicts)]
+    store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
+    return store
+
+
+def of_event(own, event, *, alert=False, **more):
+    """A frame with a verdict of its own, in an event that names S_1."""
+    finding = Finding(VerdictKind.ATTACKED, (1,), event, alert)
+    return replace(make_verdict(make_rig(), own, 2.0), finding=finding, **more)
+
+
+def test_incidents_and_alerts_are_counted_apart_on_the_page_of_all(store):
+    clean = make_verdict(make_rig(), "c")
+    kept(store, *[of_event("1", 1)] * 3, clean, of_event("1", 2, alert=True), clean, of_event("1", 3, alert=True))
+    page = Page(render(load_page(store)))
+    assert "<title>Sensor audit: 1\u00a0incident and 2\u00a0alerts</title>" in render(load_page(store))
+    assert "This is the longest of 1 incident and 2 alerts in 1 recording" in page.words
+    assert "and 2 alerts; 5 frames in incidents or alerts" in page.words
+
+
+def test_the_strongest_frame_and_its_explanations_are_of_the_sensors_that_the_incident_names(store):
+    weighed = (Alternative((1,), 1.0), Alternative((), 2.0))
+    both = replace(of_event("1", 1, posterior=0.9), attacked=(0, 1), gap=9.0, alternatives=weighed)
+    own = of_event("1", 1, posterior=0.9, alternatives=(Alternative((), 2.0), Alternative((2,), 3.0)))
+    [row] = run_query(kept(store, both, own, both), "incidents").to_pylist()
+    assert (row["strongest_frame"], row["largest_gap"]) == (1, 2.0)
+    assert row["alternatives"] == "no attack (under 1 %), S_2 (under 1 %)"
+
+
+def test_where_no_frame_names_just_the_sensors_of_the_incident_no_explanations_are_given(store):
+    weighed = (Alternative((1,), 1.0), Alternative((), 2.0))
+    both = replace(of_event("1", 1, posterior=0.9), attacked=(0, 1), alternatives=weighed)
+    [row] = run_query(kept(store, both, both), "incidents").to_pylist()
+    assert row["alternatives"] is None
+
+
+def test_a_page_says_what_was_held_before_where_it_says_a_ratio_beside_shares(store, tmp_path):
+    kept(store, *[of_event("1", 1, posterior=0.9, log10_ratio=2.3, alternatives=(Alternative((), 1.0),))] * 3)
+    [row] = run_query(store, "incidents").to_pylist()
+    page = render_incident_page(store, row["incident_id"], out=tmp_path / "page.html").read_text()
+    assert "How much it weighs" in page
+    assert f"Each further sensor is held {LIKELIHOOD.further_sensor:g} times as likely." in page
+
+
+def test_checks_that_say_the_same_of_one_sensor_are_one_line():
+    def says(check, score):
+        return Evidence(check, 0, None, None, score)._asdict()
+
+    [line] = evidence_lines(
+        [[says("free_space_conflict", 5.0), says("surrounding_conflict", 7.0)], [says("surrounding_conflict", 9.0)]]
+    )
+    assert (line.sensor, line.frames, line.mean, line.largest) == (0, 2, 8.0, 9.0)
+    assert line.found == "has points where its beams passed a moment ago"
 
 
 def test_the_largest_z_is_of_the_checks_that_count():

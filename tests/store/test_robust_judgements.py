@@ -191,6 +191,52 @@ def test_an_alert_is_told_apart_from_incidents(tmp_path):
     assert [(row["frame"], row["grade"]) for row in looked_at] == [(1, "alert"), (3, None)]
 
 
+RIG_OF_TWO = make_rig(2)
+"""Another rig of the same recording: it has the LiDAR and the first two cameras."""
+
+
+def said_by_two_rigs(store, verdicts, others, *, step_ns=10**8):
+    """What two rigs of one recording say of its frames; the ids of the incidents of each."""
+    for rig, said in ((RIG, verdicts), (RIG_OF_TWO, others)):
+        known = add_measurement(store, rig, [make_measurement(rig, frame) for frame in range(len(said))])
+        thresholds = RobustThresholds("c" * 32, Decimal(0), 4.0, {}, {}, drives=0)
+        rows = [(frame, frame * step_ns, verdict) for frame, verdict in enumerate(said)]
+        store.write_judgement(JudgementRecord(known, "robust", thresholds, RULES, NOON), rows)
+    incidents = run_query(store, "incidents").to_pylist()
+    return [next(row for row in incidents if row["rig_id"] == rig.rig_id) for rig in (RIG, RIG_OF_TWO)]
+
+
+def unnamed(own):
+    """A frame of an event that names no sensor."""
+    return replace(make_verdict(RIG, own, 5.0), finding=Finding(VerdictKind.UNIDENTIFIED, (), 1))
+
+
+@pytest.mark.parametrize("own", ["c", "n"])
+def test_a_name_by_weak_evidence_alone_takes_no_place_of_findings_without_a_name(tmp_path, own):
+    clean = make_verdict(RIG, "c")
+    weak = [clean] * 4 + [part_of(own, (0,), 1)] * 4
+    strong, named = said_by_two_rigs(new_store(tmp_path), [clean, *[unnamed("u")] * 7], weak)
+    assert (strong["same_as"], named["same_as"]) == (None, strong["incident_id"])
+
+
+def test_a_name_by_findings_of_its_own_frames_takes_the_place_of_findings_without_a_name(tmp_path):
+    named, strong = said_by_two_rigs(new_store(tmp_path), [part_of("0", (0,), 1)] * 4, [unnamed("u")] * 4)
+    assert (named["same_as"], strong["same_as"]) == (None, named["incident_id"])
+
+
+def test_of_one_name_findings_of_frames_stand_before_weak_evidence_and_more_of_them_before_fewer(tmp_path):
+    weak, strong = said_by_two_rigs(new_store(tmp_path / "a"), [part_of("c", (0,), 1)] * 4, [part_of("0", (0,), 1)] * 4)
+    assert (weak["same_as"], strong["same_as"]) == (strong["incident_id"], None)
+    mixed = [part_of("0", (0,), 1), *[part_of("c", (0,), 1)] * 3]
+    fewer, more = said_by_two_rigs(new_store(tmp_path / "b"), mixed, [part_of("0", (0,), 1)] * 4)
+    assert (fewer["same_as"], more["same_as"]) == (more["incident_id"], None)
+
+
+def test_weak_evidence_takes_no_place_of_other_weak_evidence_without_a_name(tmp_path):
+    named, other = said_by_two_rigs(new_store(tmp_path), [part_of("c", (0,), 1)] * 4, [unnamed("c")] * 4)
+    assert (named["same_as"], other["same_as"]) == (None, None)
+
+
 def test_a_frame_that_belongs_to_no_incident_names_no_sensor_in_the_summary(tmp_path):
     store = new_store(tmp_path)
     known = add_measurement(store, RIG, [make_measurement(RIG, f) for f in range(3)])

@@ -1,8 +1,8 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
 import shlex
-from collections.abc import Collection
-from contextlib import nullcontext
+from collections.abc import Collection, Sequence
+from contextlib import nullcontext, suppress
 from decimal import Decimal
 from math import ceil
 from pathlib import Path
@@ -15,9 +15,11 @@ from auditor.cli.exit_codes import Exit, Tally
 from auditor.cli.logged import logged
 from auditor.cli.options import PATH, PLACE
 from auditor.cli.output import format_option, say
-from auditor.errors import SettingError
+from auditor.errors import AuditorError, SettingError, ThresholdsError
+from auditor.model.text import first_few
 
 if TYPE_CHECKING:
+    from auditor.model.rig_kind import RigKind
     from auditor.model.settings import MeasureSettings
     from auditor.pipeline.calibrations.clean import CleanMeasurements
     from auditor.pipeline.calibrations.making import MadeCalibration
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from auditor.pipeline.remote.addresses import Address
     from auditor.pipeline.scan import Scan
     from auditor.store.store import Store
+
+
+_MOST_NAMED = 3
 
 
 class _Frames(click.ParamType[range]):
@@ -102,11 +107,15 @@ def command(
     recordings = [one for one in sources if one not in stores]
     opened = [Store.open(path) for path in stores]
     scan = Scan(find_batch(recordings, store, measuring), store) if recordings else None
+    if out and scan is not None:
+        _refuse_kinds(_kinds_of(scan), "rig kinds")
     with logged(store) if (scan and scan.batch.tasks) or Store.is_at(store) else nullcontext():
         given = _measured(scan, store, tally)
         clean = choose_clean(given, opened)
         for reason in clean.left_out:
             say(reason)
+        if not clean.chosen and not given and not opened:
+            _refuse_unmeasured(tally)
         every = _made(clean, r, frames, recount=recount, jobs=measuring.jobs, one_file=out is not None)
         for made in every:
             _check_rate(made, method, strict=strict)
@@ -138,13 +147,47 @@ def _made(
     from auditor.pipeline.calibrations.making import by_kind, make_each, without_pasts  # noqa: PLC0415
 
     groups = without_pasts(by_kind(clean)) if one_file else by_kind(clean)
-    if one_file and len(groups) > 1:
+    if one_file:
+        firsts = (group.chosen[0] for group in groups if group.chosen)
+        kinds = [store.rig(store.measurement(measurement).rig_id).kind for store, measurement in firsts]
+        _refuse_kinds(kinds, "rig kinds or procedures")
+    return list(make_each(groups, r, frames, recount=recount, jobs=jobs))
+
+
+def _refuse_unmeasured(tally: Tally) -> None:
+    """Raises ThresholdsError with the reasons where recordings were given and none could be measured."""
+    reasons = dict.fromkeys(one.reason.split(";", maxsplit=1)[0] for one in tally.not_audited)
+    if reasons:
+        raise ThresholdsError(
+            f"no recording could be measured to calibrate on: {first_few([*reasons], _MOST_NAMED)}",
+            remedy="the lines above say of each what it lacks",
+        )
+
+
+def _kinds_of(scan: "Scan") -> "list[RigKind]":
+    """The rig kinds of recordings, before any is measured; what cannot be read is said by measuring it."""
+    from auditor.cli.recording_description import kinds_of_rigs  # noqa: PLC0415 - keeps --help quick
+    from auditor.model.rig_kind import ComparedTo  # noqa: PLC0415
+    from auditor.pipeline.workers import run_within  # noqa: PLC0415
+
+    kinds: list[RigKind] = []
+    for task in scan.batch.tasks:
+        if task.location.remote is None:
+            with suppress(AuditorError):
+                of_rigs = run_within(scan.batch.limits(task.location), kinds_of_rigs, task.location, task.rig)
+                kinds += (one for one in of_rigs if not any(one.matches(known) for known in kinds))
+    return [one for one in kinds if one.compared_to is not ComparedTo.PAST] or kinds
+
+
+def _refuse_kinds(kinds: "Sequence[RigKind]", told_as: str) -> None:
+    """Raises SettingError for several kinds, whose calibrations are to be in one file."""
+    if len(kinds) > 1:
         raise SettingError(
-            f"these recordings have {len(groups)} rig kinds or procedures, and a file holds one calibration",
+            f"these recordings have {len(kinds)} {told_as} ({'; '.join(map(str, kinds))}), and a file holds one "
+            "calibration",
             where="--out",
             remedy="leave it out, and write each with auditor calibration export",
         )
-    return list(make_each(groups, r, frames, recount=recount, jobs=jobs))
 
 
 def _show(

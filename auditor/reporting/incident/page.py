@@ -330,9 +330,19 @@ class IncidentPage:
         return tuple(sorted(pairs, key=lambda pair: (not pair[1].attacked, -pair[1].frames)))
 
     @property
-    def incident_count(self) -> int:
-        """Incidents, each once through however many recordings it runs."""
+    def listed_count(self) -> int:
+        """Incidents and alerts, each once through however many recordings it runs."""
         return len({incident.number for _, incident in self.incidents})
+
+    @property
+    def alert_count(self) -> int:
+        """Those that are alerts."""
+        return len({incident.number for _, incident in self.incidents if incident.grade == "alert"})
+
+    @property
+    def incident_count(self) -> int:
+        """Those that are incidents."""
+        return self.listed_count - self.alert_count
 
     @property
     def recordings_by_gravity(self) -> tuple[RecordingPart, ...]:

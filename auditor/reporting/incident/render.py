@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+from auditor.identification.evidence_parameters import LIKELIHOOD
 from auditor.model.pictures import Pictures
 from auditor.reporting.incident.examples import data_uri
 from auditor.reporting.incident.loading import MOST_SECTIONS, IncidentList, OneIncident, load_page
 from auditor.reporting.incident.page import IncidentPage
 from auditor.reporting.plots import LEFT_PX, RIGHT_PX
-from auditor.reporting.templates import FILTERS, count, fill
+from auditor.reporting.templates import FILTERS, counted, fill
 from auditor.store.reviews import incident_called
 from auditor.store.store import Store
 
@@ -54,6 +55,7 @@ def render(page: IncidentPage) -> str:
         {
             "page": page,
             "title": _title(page),
+            "counted": counted(page.incident_count, page.alert_count),
             "left": LEFT_PX,
             "right": RIGHT_PX,
             "least_coverage": LEAST_COVERAGE,
@@ -90,6 +92,7 @@ def render_one(incident: OneIncident, *, index: str | None = None, beside: bool 
             "left": LEFT_PX,
             "right": RIGHT_PX,
             "most_listed": MOST_LISTED,
+            "further_sensor": f"{LIKELIHOOD.further_sensor:g}",
         },
         filters=FILTERS,
     )
@@ -100,4 +103,4 @@ def _title(page: IncidentPage) -> str:
         return "Sensor audit: not judged"
     if not page.incidents:
         return "Sensor audit: no attack found" if page.audited else "Sensor audit: nothing could be audited"
-    return f"Sensor audit: {count(page.incident_count, 'incident')}"
+    return f"Sensor audit: {counted(page.incident_count, page.alert_count)}"

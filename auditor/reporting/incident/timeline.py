@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auditor.model.checks import SensorCheck, counting_checks
+from auditor.model.checks.words import found_of
 from auditor.model.verdict import FINDINGS, Method, VerdictKind
 from auditor.reporting.incident.page import EvidenceLine, IncidentPart, LabelAgreement, RecordingPart, Remark
 from auditor.reporting.plots import NS_PER_S, Figure, Series, StripRow, draw
 
 _Subject = tuple[int, int | None, str]
-"""The sensor of a check, the other one where two alone do not see the same, and the name of the check."""
+"""The sensor of a check, the other one where two alone do not see the same, and what the check says."""
 
 
 def sensor_scores(
@@ -59,19 +60,22 @@ def with_evidence(
 def evidence_lines(evidence: Iterable[Sequence[Mapping[str, Any]]]) -> tuple[EvidenceLine, ...]:
     """The evidence of some frames by sensor and check, the sensor with the largest z first.
 
-    A check that a frame has of several views counts with its largest z.
+    A check that a frame has of several views counts with its largest z, and so do checks that say it in the same words.
     """
     scores: defaultdict[_Subject, list[float]] = defaultdict(list)
+    checks: dict[_Subject, str] = {}
     for of_frame in evidence:
         largest: dict[_Subject, float] = {}
         for evidence_of in of_frame:
-            subject = evidence_of["i"], evidence_of["k"], evidence_of["check_name"]
+            other, check = evidence_of["k"], evidence_of["check_name"]
+            subject = evidence_of["i"], other, found_of(check, by_two=other is not None)
+            checks.setdefault(subject, check)
             largest[subject] = max(evidence_of["score"], largest.get(subject, evidence_of["score"]))
         for subject, value in largest.items():
             scores[subject].append(value)
     lines = [
-        EvidenceLine(check, sensor, other, len(values), fmean(values), max(values))
-        for (sensor, other, check), values in scores.items()
+        EvidenceLine(checks[subject], subject[0], subject[1], len(values), fmean(values), max(values))
+        for subject, values in scores.items()
     ]
     strongest: dict[int, float] = {}
     for line in lines:
