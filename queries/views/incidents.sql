@@ -26,7 +26,7 @@
 -- column largest_gap: The gap of its strongest frame: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted; where frames are one of another kind, that it lasted carries the incident.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
--- column alternatives: The next-best explanations of its strongest frame, in words; NULL where that frame names other sensors than the incident.
+-- column alternatives: The next-best explanations of its strongest frame, in words, with probabilities that weigh how likely each was before as well; NULL where that frame names other sensors than the incident.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
 -- column log10_ratio: The decimal logarithm of the largest likelihood ratio of an attack set against no attack in one of its frames.
 -- column ratio: That ratio in words, and how much support it is (ENFSI 2015).

@@ -11,6 +11,7 @@ from auditor.model.calibration import RobustThresholds
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.checks.kind import Of
 from auditor.model.verdict import Alternative, Evidence, Finding, VerdictKind
+from auditor.reporting.fleet import render_fleet_report
 from auditor.reporting.incident.loading import load_page
 from auditor.reporting.incident.render import render, render_incident_page
 from auditor.reporting.incident.timeline import evidence_lines, sensor_scores, with_evidence
@@ -131,6 +132,13 @@ def test_incidents_and_alerts_are_counted_apart_on_the_page_of_all(store):
     assert "<title>Sensor audit: 1\u00a0incident and 2\u00a0alerts</title>" in render(load_page(store))
     assert "This is the longest of 1 incident and 2 alerts in 1 recording" in page.words
     assert "and 2 alerts; 5 frames in incidents or alerts" in page.words
+
+
+def test_the_title_of_the_index_counts_incidents_and_alerts_apart(store, tmp_path):
+    clean = make_verdict(make_rig(), "c")
+    kept(store, *[of_event("1", 1)] * 3, clean, of_event("1", 2, alert=True))
+    index = render_fleet_report(store, out=tmp_path).read_text()
+    assert "<title>Sensor audit: 1\u00a0incident and 1\u00a0alert in 1\u00a0recording</title>" in index
 
 
 def test_the_strongest_frame_and_its_explanations_are_of_the_sensors_that_the_incident_names(store):
