@@ -182,7 +182,7 @@ def _run(given: list[str]) -> int:
 
 @contextmanager
 def _heeding_sigterm() -> Iterator[None]:
-    """SIGTERM inside the block raises _Ended there; it reaches the main thread only."""
+    """SIGTERM inside the block raises _Termination there; it reaches the main thread only."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
