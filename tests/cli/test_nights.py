@@ -46,7 +46,7 @@ def test_calibrate_writes_no_file_for_several_rig_kinds(tmp_path: Path, capfd: p
     four = write_drive(tmp_path / "four.mcap", 4, seed=2)
     out = tmp_path / "fleet.thresholds"
     assert run(["calibrate", str(three), str(four), "--store", str(tmp_path / "a"), "--out", str(out)]) == 2
-    assert "--out: these recordings have 2 rig kinds or procedures" in capfd.readouterr().err
+    assert "--out: these recordings have 2 rig kinds (LiDAR + 3 cameras" in capfd.readouterr().err
     assert not out.exists()
 
 
