@@ -176,11 +176,10 @@ def _incidents(results: "Sequence[LeftOut]", hours: float) -> str:
 
 def _time(hours: float) -> str:
     """A length of time in the largest unit that it has one of."""
-    unit, length = next(
-        ((unit, hours * each) for unit, each in (("h", 1), ("min", _MINUTES)) if hours * each >= 1),
-        ("s", hours * _SECONDS),
-    )
-    return f"{length:.3g} {unit}"
+    for unit, each in (("h", 1), ("min", _MINUTES)):
+        if hours * each >= 1:
+            return f"{hours * each:.3g} {unit}"
+    return f"{hours * _SECONDS:.3g} s"
 
 
 def _number(incidents: int) -> str:

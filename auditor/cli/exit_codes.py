@@ -18,15 +18,16 @@ class Exit(IntEnum):
 
 @dataclass(frozen=True)
 class NotAudited:
-    """A recording that was not audited, or not fully, and why.
-
-    `gaps` are the reasons one by one, where there may be several; `reason` has them all.
-    """
+    """A recording that was not audited, or not fully, and the reasons one by one."""
 
     recording: str
     path: str
-    reason: str
-    gaps: tuple[str, ...] = ()
+    gaps: tuple[str, ...]
+
+    @property
+    def reason(self) -> str:
+        """All reasons."""
+        return "; ".join(self.gaps)
 
 
 @dataclass

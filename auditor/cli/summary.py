@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 _ONCE = "the same command without --shard relates, judges and shows them, and reads nothing again"
 _MOST_NAMED = 3
-_NOT_AUDITED = ("recording", "path", "reason")
 
 Remarks = dict[tuple[str, str], list[str]]
 """The names of the recordings that a remark on a rig kind holds for."""
@@ -83,7 +82,7 @@ def show_unjudged(measured: "Sequence[MeasureResult]", tally: Tally) -> None:
         tally.incomplete = True
     for result in measured:
         name, path = storable(result.recording.name), storable(str(result.recording))
-        tally.not_audited.append(NotAudited(name, path, "measured only"))
+        tally.not_audited.append(NotAudited(name, path, ("measured only",)))
 
 
 def show_shard(shard: str, scan: "Scan", tally: Tally) -> None:
@@ -100,7 +99,7 @@ def show_judging(results: "Iterable[JudgeResult]", store: "Store | None", tally:
     """
     judged, counting = list(results), []
     remarks: Remarks = {}
-    said: set[tuple[str, str]] = set()
+    said: set[tuple[str, tuple[str, ...]]] = set()
     counted = store.counted_by() if store is not None and judged else {}
     for result in judged:
         assert store is not None, "what is judged was measured into a store"
@@ -117,12 +116,11 @@ def show_judging(results: "Iterable[JudgeResult]", store: "Store | None", tally:
             if result.judgement is not None and result.found:
                 graded = tally.with_incidents if result.judgement.in_incidents else tally.with_alerts
                 graded.add(counts_as)
-        each = () if result.error else result.gaps
-        gaps = result.error.what if result.error else "; ".join(each)
+        gaps = (result.error.what,) if result.error else tuple(result.gaps)
         if gaps and (counts_as, gaps) not in said:
             said.add((counts_as, gaps))
             path = store.recording(measurement.recording_id).path
-            tally.not_audited.append(NotAudited(result.recording, path, gaps, each))
+            tally.not_audited.append(NotAudited(result.recording, path, gaps))
         tally.failed |= result.error is not None
         tally.incomplete |= result.error is None and not result.complete
         tally.audited |= result.judgement is not None
@@ -231,7 +229,7 @@ def _excuse(tally: Tally, incidents: Sequence[Mapping[str, Any]]) -> None:
 def _show_json(rows: Sequence[Mapping[str, Any]], incidents: Sequence[Mapping[str, Any]], tally: Tally) -> None:
     from auditor.store.export import as_json  # noqa: PLC0415 - DuckDB is heavy
 
-    left = [{name: getattr(one, name) for name in _NOT_AUDITED} for one in tally.not_audited]
+    left = [{"recording": one.recording, "path": one.path, "reason": one.reason} for one in tally.not_audited]
     write_bytes(as_json({"recordings": rows, "incidents": incidents, "not_audited": left}))
 
 
@@ -281,7 +279,7 @@ def _how_fully(shares: Collection[tuple[float, ...]]) -> str:
 
 def _reasons(left: Sequence[NotAudited]) -> str:
     """The most frequent reasons why recordings were not fully audited, each said once of a recording."""
-    said = {(one.path, _in_short(reason)): None for one in left for reason in one.gaps or (one.reason,)}
+    said = {(one.path, _in_short(reason)): None for one in left for reason in one.gaps}
     why = Counter(reason for _, reason in said).most_common()
     several = len(why) > 1 and len({path for path, _ in said}) > 1
     reasons = ", ".join(f"{reason} ({count})" if several else reason for reason, count in why[:_MOST_NAMED])
@@ -300,7 +298,7 @@ def _leave(tally: Tally, place: str, error: "AuditorError") -> None:
     """A recording at a path or an address could not be measured."""
     tally.failed = True
     tally.recordings.add(place)
-    tally.not_audited.append(NotAudited(storable(Path(place).name), storable(place), storable(error.what)))
+    tally.not_audited.append(NotAudited(storable(Path(place).name), storable(place), (storable(error.what),)))
 
 
 def _say_once(remarks: Remarks) -> None:

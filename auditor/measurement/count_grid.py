@@ -22,7 +22,7 @@ CELL_PX = COUNT_GRID.cell_px
 """Width and height of a cell in full-resolution pixels."""
 
 Rows = NDArray[np.signedinteger]
-"""Rows or columns of cells: (M,)."""
+"""Rows or columns of cells or pixels: (M,)."""
 
 _HALF_SIDE = CELL_PX // 2
 _MOST = 127

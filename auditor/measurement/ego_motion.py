@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from auditor.measurement.count_grid import Rows
 from auditor.measurement.moment import Moment
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
 from auditor.measurement.time_parameters import EGO_MOTION
@@ -20,9 +20,6 @@ _CONFIDENCE = 0.99  # probability that a trial of RANSAC is free of outliers, Op
 _LEVELS = 3  # of the pyramid, OpenCV's
 _TRIALS = 100  # of RANSAC, OpenCV's
 
-
-Rows = NDArray[np.signedinteger]
-"""Rows or columns of pixels: (M,)."""
 
 _MIDDLE = (1 / HALF - 1) / 2
 HALVED = np.array([[1 / HALF, 0, _MIDDLE], [0, 1 / HALF, _MIDDLE], [0, 0, 1]])

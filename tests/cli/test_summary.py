@@ -139,11 +139,11 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
                 audited=True,
                 recordings=set("abcdefg"),
                 not_audited=[
-                    NotAudited("a", "a", "no thresholds"),
-                    NotAudited("b", "b", "damaged: chunk 1"),
-                    NotAudited("c", "c", "damaged: chunk 2; and more"),
-                    NotAudited("d", "d", "25 of 40 frames audited"),
-                    NotAudited("e", "e", "the file is empty"),
+                    NotAudited("a", "a", ("no thresholds",)),
+                    NotAudited("b", "b", ("damaged: chunk 1",)),
+                    NotAudited("c", "c", ("damaged: chunk 2; and more",)),
+                    NotAudited("d", "d", ("25 of 40 frames audited",)),
+                    NotAudited("e", "e", ("the file is empty",)),
                 ],
             ),
             "7 recordings: none with incidents, 5 not fully audited: damaged (2), no thresholds (1), "
@@ -154,10 +154,8 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
                 audited=True,
                 recordings={"a"},
                 not_audited=[
-                    NotAudited(
-                        "a", "a", "all of it", ("23 of 24 frames audited", "S_1 left is seen by none: no other")
-                    ),
-                    NotAudited("a", "a", "all of it", ("23 of 24 frames audited", "S_2 right: 3 % is compared, 5 due")),
+                    NotAudited("a", "a", ("23 of 24 frames audited", "S_1 left is seen by none: no other")),
+                    NotAudited("a", "a", ("23 of 24 frames audited", "S_2 right: 3 % is compared, 5 due")),
                 ],
             ),
             "1 recording: none with incidents, 1 not fully audited: 23 of 24 frames audited, S_1 left is seen by none, "
