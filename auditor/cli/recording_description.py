@@ -77,7 +77,7 @@ def describe(
         except RigError as error:
             if shown:
                 raise
-            missing = error.what
+            missing = str(error)
         in_force, first, health = looked
         rigs = tuple(one.rig for one in in_force.rigs)
         if rigs and written:

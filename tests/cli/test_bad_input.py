@@ -73,7 +73,9 @@ def test_a_recording_without_three_overlapping_sensors_says_what_is_missing(stor
     assert scan(store, two) == 3
     [line] = remarks(capfd)
     assert "two.mcap" in line
-    assert "no triple possible" in line
+    assert "no triple possible: 2 cameras look the same way (camera_1, camera_2), and no LiDAR" in line
+    assert run(["inspect", str(two)]) == 3
+    assert "add a third camera, or a LiDAR" in capfd.readouterr().out
 
 
 def test_a_rig_file_that_names_other_topics_is_refused_with_their_names(

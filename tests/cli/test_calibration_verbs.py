@@ -194,7 +194,7 @@ def test_a_calibration_of_what_cannot_be_measured_says_why(tmp_path, capfd):
     write_mcap(tmp_path / "pair.mcap", rig, (replace(frame, cloud=None) for frame in drive.frames()))
     assert run(["calibrate", str(tmp_path / "pair.mcap"), "--store", str(tmp_path / "audit")]) == 2
     said = capfd.readouterr().err
-    assert "no recording could be measured to calibrate on: no triple possible: there is no LiDAR" in said
+    assert "no recording could be measured to calibrate on: no triple possible: 2 cameras look the same way" in said
     assert "no clean recording" not in said
 
 

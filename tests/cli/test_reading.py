@@ -265,7 +265,7 @@ def test_a_camera_of_no_rig_is_told_with_its_reason(
 
 @pytest.mark.parametrize(
     ("positions_m", "lidar", "says"),
-    [((0.0,), False, "1 camera looking the same way"), ((0.6, 0.0), False, "there is no LiDAR")],
+    [((0.0,), False, "there is 1 camera (camera_1)"), ((0.6, 0.0), False, "add a third camera")],
 )
 def test_too_few_sensors_are_one_line_and_exit_3(
     positions_m: tuple[float, ...],

@@ -178,10 +178,10 @@ def _remarks(description: dict[str, Any]) -> Iterator[str]:
         yield f"left out: {text}"
     if description["unreadable"] and not description["rigs"]:
         yield description["unreadable"]
-    yield from description["problems"]
+    yield from (problem for problem in description["problems"] if problem not in description["missing"])
     for piece in description["damage"]:
         yield f"damaged: {piece}"
-    if description["missing"] and description["missing"] not in description["problems"]:
+    if description["missing"]:
         yield description["missing"]
 
 

@@ -11,18 +11,16 @@ from auditor.errors import RigError
 from auditor.model.optics.common_view import common_view
 from auditor.model.optics.geometry import Matrix, motion
 from auditor.model.rig import LIDAR, Camera, Lidar, Rig
-from auditor.recordings.decoding import decoder_table
 from auditor.recordings.decoding.calibration_texts import Calibrations
-from auditor.recordings.decoding.sensor_types import UNREAD, is_other, other_content
 from auditor.recordings.parameters import RIG_LIMITS
 from auditor.recordings.rigs.cameras import View, find_views
 from auditor.recordings.rigs.extrinsics import aligned, apart
 from auditor.recordings.rigs.files import chained_cameras, read_calibrations, read_rig
 from auditor.recordings.rigs.frame_tree import FrameTree
+from auditor.recordings.rigs.lacking import lacking_calibration, no_rig, no_sensors, told_together, what_to_record
 from auditor.recordings.rigs.left_out import AtOnePlace, Reason, TooFew, first_ones, names_of, overlapping_most
 from auditor.recordings.rigs.lidars import best_lidar, lidar_of, lidars_alone, on_vehicle
 from auditor.recordings.rigs.ordering import (
-    MAX_SQUINT,
     MIN_BASELINE_M,
     PlacedViews,
     grouped,
@@ -53,18 +51,10 @@ class FoundRigs(NamedTuple):
 def find_rigs(survey: Survey) -> tuple[Rig, ...]:
     """As `search_rigs`. Raises RigError, saying what is missing, where there is none."""
     if not survey.images and not survey.clouds:
-        if survey.lost:
-            raise RigError(survey.lost[0], remedy="copy it again, end its recording first, or write smaller chunks")
-        none = "there are no camera images and no points that can be read"
-        missing = "; ".join([none, *_unreadable(survey), *_unknown(survey)])
-        raise RigError(f"no triple possible: {missing}", remedy="give a recording with two cameras, or with a LiDAR")
+        raise no_sensors(survey)
     search = search_rigs(survey)
     if not search.rigs:
-        raise RigError(
-            "no triple possible: " + "; ".join(_summary(survey, search.left_out)),
-            remedy="three sensors must overlap: two cameras side by side and a LiDAR, or three cameras; or a camera "
-            "and a LiDAR whose place beside it tf gives; or describe the rig in a rig file",
-        )
+        raise no_rig(survey, search.left_out)
     return search.rigs
 
 
@@ -82,14 +72,15 @@ def search_rigs(survey: Survey) -> FoundRigs:
     survey = replace(survey, clouds=on_vehicle(survey, frames, reasons))
     views = find_views(survey, reasons)
     why: list[Reason] = []
-    for group in grouped(views, frames):
+    groups = grouped(views, frames)
+    for group in groups:
         rigs.extend(_rigs_of(group, survey, frames, why))
     alone = list(_lone_rigs(_in_no_rig(views, rigs, why), survey, frames))
-    reasons.extend(_of_others(why, [rig.camera(1).name for rig in alone]))
+    reasons.extend(_of_others(told_together(why, groups, frames), [rig.camera(1).name for rig in alone]))
     rigs.extend(alone)
     rigs.extend(lidars_alone(rigs, survey, frames, reasons))
     if rigs and survey.images and not any(rig.cameras for rig in rigs):
-        reasons.extend(map(Reason, _lacking_calibration(survey)))
+        reasons.extend(map(Reason, lacking_calibration(survey)))
     rigs.sort(key=lambda rig: (not rig.cameras, -len(rig.sensors)))
     names = (f"the one of {names_of([camera.name for camera in rig.cameras] or [rig.name(LIDAR)])}" for rig in rigs)
     rigs = first_ones(rigs, _MOST_RIGS, "rigs are possible", names, reasons)
@@ -183,11 +174,7 @@ def _mixed_rigs(views: Sequence[View], survey: Survey, frames: FrameTree, reason
 
 def _rig(cameras: Sequence[Camera], lidar: Lidar | None, reasons: list[Reason]) -> Rig | None:
     if len(cameras) + (lidar is not None) < MIN_SENSORS or len(cameras) < 2:
-        beside = f"the LiDAR {lidar.name}" if lidar else "no LiDAR"
-        names = tuple(camera.name for camera in cameras)
-        count = f"{len(names)} camera{'s' * (len(names) > 1)}"
-        why = f"{count} looking the same way ({', '.join(names)}) with {beside}"
-        reasons.append(TooFew(why, others=names))
+        reasons.append(TooFew([camera.name for camera in cameras]))
         return None
     return Rig(lidar, tuple(replace(camera, number=number) for number, camera in enumerate(cameras, start=1)))
 
@@ -245,7 +232,8 @@ def _rig_of_camchain(path: Path, calibrations: Calibrations, survey: Survey) -> 
     aside, turn = aligned(cameras, reasons)
     rig = _rig(aside, _turned(_lidar_beside(cameras, survey), turn), reasons)
     if rig is None:
-        raise RigError("no triple possible: " + "; ".join(map(str, reasons)), where=path)
+        why = "; ".join(map(str, reasons))
+        raise RigError(f"no triple possible: {why}", where=path, remedy=what_to_record(reasons))
     return rig
 
 
@@ -362,39 +350,6 @@ def _lidar(placed: PlacedViews, clouds: Sequence[CloudTopic], frames: FrameTree,
         elif not connected:
             frame, topic = f"(frame {cloud.frame_id!r})", cloud.topic.name
             why = f"tf does not connect {topic} {frame} with the camera frame {placed.anchor!r}"
-            reasons.append(Reason(why, topic))
+            reasons.append(Reason(f"{why}: record their tf, or describe the rig in a rig file (--rig)", topic))
     best = best_lidar(placed, connected)
     return lidar_of(*best, np.sum([rotation[2] for rotation in placed.rotations], axis=0)) if best else None
-
-
-def _lacking_calibration(survey: Survey) -> Iterator[str]:
-    if not survey.camera_infos:
-        yield "there is no camera info for any of the images"
-    if survey.other_parts and not (survey.camera_infos and survey.transforms):
-        yield f"another part of the drive may hold its calibration: give {survey.other_parts[0].name} too"
-
-
-def _summary(survey: Survey, reasons: Sequence[Reason]) -> Iterator[str]:
-    yield from _lacking_calibration(survey)
-    if not survey.clouds:
-        yield "there is no LiDAR"
-    yield from _unreadable(survey)
-    yield from survey.transform_problems[:12]
-    yield from map(str, reasons[:12])
-    if any(isinstance(why, TooFew) for why in reasons):
-        degrees = round(np.degrees(MAX_SQUINT))
-        yield f"two cameras within {degrees} degrees of each other with a LiDAR, or three cameras, can be compared"
-
-
-def _unknown(survey: Survey) -> Iterator[str]:
-    """The topics of types that nobody knows, of which one may be a sensor's."""
-    unknown = [one for one in survey.topics if one.schema not in decoder_table() and not is_other(one.schema)]
-    names = [f"{one.name} ({one.schema or 'no type'}, {one.encoding})" for one in unknown if one.schema not in UNREAD]
-    if names:
-        yield f"types that are not known: {', '.join(names[:6])}; convert what is a sensor's to sensor_msgs"
-
-
-def _unreadable(survey: Survey) -> Iterator[str]:
-    """What is there and cannot be read, as far as the recording's beginning shows."""
-    for sensor in [one for one in survey.unreadable if not other_content(one.reason)][:12]:
-        yield f"{sensor.topic.name} ({sensor.kind}): {sensor.reason}; {sensor.remedy}"

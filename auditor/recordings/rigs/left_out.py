@@ -40,7 +40,16 @@ class Reason:
 
 
 class TooFew(Reason):
-    """Cameras that look the same way are too few for a rig."""
+    """Cameras that look the same way are too few for a rig, and no LiDAR has a place beside them."""
+
+    def __init__(self, names: Sequence[str], fact: str = "") -> None:
+        fact = fact or ("there is 1 camera" if len(names) == 1 else f"{len(names)} cameras look the same way")
+        lidar = f"no LiDAR has a place beside {'it' if len(names) == 1 else 'them'}"
+        super().__init__(f"{fact} ({names_of(names)}), and {lidar}", others=tuple(names))
+
+
+class AllApart(TooFew):
+    """Cameras none of which can be compared with another one."""
 
 
 class PlacedCamera(Protocol):

@@ -162,8 +162,32 @@ def test_cameras_that_look_elsewhere_are_each_a_rig_with_the_lidar() -> None:
 
 def test_cameras_that_look_elsewhere_are_no_rig_without_a_lidar_and_are_named() -> None:
     infos = {name: info(name, P(0.0)) for name in ("front", "left")}
-    with pytest.raises(RigError, match=r"no triple possible.*\(front\).*\(left\)"):
-        find_rigs(look(infos, {"front": at(0), "left": turned(60, at(0.5))}, clouds={}))
+    apart = look(infos, {"front": at(0), "left": turned(60, at(0.5))}, clouds={})
+    with pytest.raises(
+        RigError, match=r"no two cameras look the same way at a like scale \(front, left\), and no LiDAR"
+    ):
+        find_rigs(apart)
+    with pytest.raises(
+        RigError, match=r"neither P nor tf gives the positions of cameras \(front, left\), and no LiDAR"
+    ):
+        find_rigs(replace(apart, transforms=()))
+
+
+def test_a_camera_that_looks_elsewhere_than_two_others_is_named_apart_from_them() -> None:
+    infos = {name: info(name, P(0.0)) for name in ("a", "b", "left")}
+    places = {"a": at(0), "b": at(0.3), "left": turned(90, at(0.1))}
+    with pytest.raises(RigError) as refused:
+        find_rigs(look(infos, places, clouds={}))
+    assert "2 cameras look the same way (b, a)" in refused.value.what
+    assert "no other camera looks the same way at a like scale (left)" in refused.value.what
+    assert refused.value.remedy.startswith("add a third camera")
+
+
+def test_a_lidar_that_tf_does_not_join_to_the_cameras_says_what_to_record() -> None:
+    infos = {"a": info("a", P(0.0)), "b": info("b", P(0.2))}
+    told = search_rigs(look(infos, {"a": at(0), "b": at(0.2)})).reasons
+    assert "tf does not connect /top/points (frame 'top') with the camera frame 'a': record their tf, or " in told[0]
+    assert told[1] == "2 cameras look the same way (b, a), and no LiDAR has a place beside them"
 
 
 def test_a_lidar_far_away_is_on_another_vehicle_than_a_lone_camera() -> None:
@@ -393,8 +417,12 @@ def test_three_cameras_without_a_lidar_are_a_rig_and_two_are_not() -> None:
     (rig,) = find_rigs(look(infos, {}, clouds={}))
     assert rig.sensors == (1, 2, 3)
     del infos["c"]
-    with pytest.raises(RigError, match="there is no LiDAR; 2 cameras looking the same way"):
+    with pytest.raises(RigError) as refused:
         find_rigs(look(infos, {}, clouds={}))
+    assert str(refused.value) == (
+        "no triple possible: 2 cameras look the same way (b, a), and no LiDAR has a place beside them; "
+        "add a third camera, or a LiDAR whose place beside a camera tf gives"
+    )
 
 
 def test_of_several_lidars_the_one_with_the_most_points_is_taken() -> None:
