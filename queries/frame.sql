@@ -140,7 +140,7 @@ fact AS (
             measured: pow(10, log10_ratio),
             theta: NULL,
             score: NULL,
-            note: ratio_in_words(log10_ratio, largest_ratio)
+            note: ratio_in_words(log10_ratio, largest_ratio, kind)
         },
         {
             item: 'finding',

@@ -51,9 +51,13 @@ CREATE MACRO alternatives_in_words(alternatives, posterior) AS
     ), ', '), '');
 
 -- A likelihood ratio, in the words of ENFSI's guideline of 2015 for evaluative reporting; `largest` is what can be said.
-CREATE MACRO ratio_in_words(log10_ratio, largest) AS
+-- A suspect finding claims no attack: a fault explains it too.
+CREATE MACRO ratio_in_words(log10_ratio, largest, kind) AS
     CASE WHEN log10_ratio >= log10(largest) - 1e-9 THEN 'more than ' ELSE 'about ' END
-    || format('{} times as likely under the attack as without: {}', ratio_figure(log10_ratio), CASE
+    || format('{} times as likely {}: {}', ratio_figure(log10_ratio), CASE kind
+        WHEN 'suspect' THEN 'with an attack or a fault as with neither'
+        ELSE 'under the attack as without'
+    END, CASE
         WHEN log10_ratio < log10(2) THEN 'no support'
         WHEN log10_ratio < 1 THEN 'weak support'
         WHEN log10_ratio < 2 THEN 'moderate support'

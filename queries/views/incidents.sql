@@ -306,7 +306,7 @@ told AS (
         ) AS alternatives,
         grouped.posterior,
         grouped.log10_ratio,
-        ratio_in_words(grouped.log10_ratio, grouped.largest_ratio) AS ratio,
+        ratio_in_words(grouped.log10_ratio, grouped.largest_ratio, grouped.kind) AS ratio,
         causes_in_words(grouped.causes) || CASE WHEN grouped.of_all THEN ', of single frames and not of what lasts' ELSE '' END AS causes,
         [sensor.topic FOR sensor IN grouped.sensors] AS topics,
         [sensor.topic FOR sensor IN grouped.sensors IF list_contains(grouped.attacked, sensor.sensor)] AS attacked_topics,

@@ -147,6 +147,19 @@ def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_pa
     assert incident["causes"].endswith("on its lens do (score 0.50 of 1), of single frames and not of what lasts")
 
 
+@pytest.mark.parametrize(
+    ("own", "said"), [("1", "under the attack as without"), ("s", "with an attack or a fault as with neither")]
+)
+def test_what_a_ratio_weighs_is_an_attack_only_where_the_verdict_is_one(tmp_path, own, said):
+    store, verdict = new_store(tmp_path), replace(make_verdict(RIG, own), log10_ratio=1.0)
+    finding = Finding(verdict.kind, verdict.attacked, 1, alert=False, added=1.0)
+    kept_verdicts(store, *[replace(verdict, finding=finding)] * 3)
+    [incident] = run_query(store, "incidents").to_pylist()
+    assert incident["ratio"] == f"about 10 times as likely {said}: moderate support"
+    facts = {row["item"]: row["note"] for row in run_query(store, "frame", {"frame": 1}).to_pylist()}
+    assert facts["likelihood ratio"] == incident["ratio"]
+
+
 def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it_once(tmp_path):
     store = new_store(tmp_path)
     checks = (Check.SURROUNDING_CONFLICT, Check.FREE_SPACE_CONFLICT, Check.FREE_SPACE_CONFLICT, Check.FALSE_RANGES)
