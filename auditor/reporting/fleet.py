@@ -76,7 +76,7 @@ def load_fleet(store: Store, incidents: Sequence[Row]) -> dict[str, Any]:
 
     What is listed is bounded; the counts are of everything. Raises StoreError where nothing was measured.
     """
-    cells = [{**row, "open": row["incidents"] - row["excused"]} for row in rows_of(run_query(store, "report_days"))]
+    cells = rows_of(run_query(store, "report_days"))
     if not cells or not store.ids("measurements"):
         raise StoreError("nothing was measured", where=store.folder, remedy="run auditor scan first")
     recordings, frames, audited = (sum(cell[name] for cell in cells) for name in ("recordings", "frames", "audited"))
@@ -84,8 +84,7 @@ def load_fleet(store: Store, incidents: Sequence[Row]) -> dict[str, Any]:
     days = sorted({day for vehicle in vehicles for day in vehicle["cells"] if day is not None})
     dateless = any(None in vehicle["cells"] for vehicle in vehicles)
     unaudited = rows_of(run_query(store, "report_unaudited"))
-    excused = sum(bool(excuse(row)) for row in incidents)
-    alerts = sum(row["grade"] == "alert" and not excuse(row) for row in incidents)
+    excused = [row for row in incidents if excuse(row)]
     records = {record.recording_id: record for record in store.recordings()}
     return {
         "made_at": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
@@ -103,32 +102,40 @@ def load_fleet(store: Store, incidents: Sequence[Row]) -> dict[str, Any]:
         "reason_count": len(unaudited),
         "incidents": [_listed(row, records[row["recording_id"]]) for row in incidents[:MOST_INCIDENTS]],
         "incident_count": len(incidents),
-        "excused_count": excused,
-        "open_count": len(incidents) - excused,
-        "open_words": counted(len(incidents) - excused - alerts, alerts),
+        "excused": _in_words(excused),
+        "open": _in_words([row for row in incidents if not excuse(row)]),
     }
 
 
 def render(page: Row) -> str:
     """The index as HTML. All of its text is escaped; it refers to the pages of incidents and to nothing else."""
     title = "Sensor audit: no attack found" if page["audited"] else "Sensor audit: nothing could be audited"
-    if page["open_count"]:
+    if page["open"]:
         where = count(page["recordings"], "recording")
-        title = f"Sensor audit: {page['open_words']} in {where}"
-    values = {"page": page, "title": title, "least_coverage": LEAST_COVERAGE, "max_days": MOST_DAYS}
+        title = f"Sensor audit: {page['open']} in {where}"
+    values = {"page": page, "title": title, "least_coverage": LEAST_COVERAGE, "max_days": MOST_DAYS, "counted": counted}
     return fill("fleet.html", values, filters=FILTERS)
 
 
 def _vehicles(cells: Sequence[Row]) -> list[Row]:
-    """The vehicles with their days, those with the most incidents that no review excuses first."""
+    """The vehicles with their days, those with the most incidents and alerts that no review excuses first."""
     by_vehicle: defaultdict[str | None, dict[date | None, Row]] = defaultdict(dict)
     for cell in cells:
         day = None if cell["day"] is None else date.fromisoformat(str(cell["day"]))
         by_vehicle[cell["vehicle"]][day] = cell
     vehicles = [{"vehicle": vehicle, "cells": of_days} for vehicle, of_days in by_vehicle.items()]
-    return sorted(
-        vehicles, key=lambda row: (-sum(cell["open"] for cell in row["cells"].values()), row["vehicle"] or "")
-    )
+    return sorted(vehicles, key=lambda row: (-sum(map(_open, row["cells"].values())), row["vehicle"] or ""))
+
+
+def _in_words(incidents: Sequence[Row]) -> str:
+    """How many incidents and alerts these are; of none, nothing."""
+    alerts = sum(row["grade"] == "alert" for row in incidents)
+    return counted(len(incidents) - alerts, alerts)
+
+
+def _open(cell: Row) -> int:
+    """The incidents and alerts of a vehicle's day that no review excuses."""
+    return int(cell["incidents"] + cell["alerts"])
 
 
 def _listed(row: Row, recording: RecordingRecord) -> Row:

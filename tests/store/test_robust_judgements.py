@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from decimal import Decimal
+from operator import itemgetter
 
 import numpy as np
 import pytest
@@ -16,8 +17,10 @@ from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
+from auditor.reporting.fleet import load_fleet, render
 from auditor.store.queries import describe, run_query, run_sql
 from auditor.store.records import JudgementRecord
+from auditor.store.reviews import ReviewVerdict, review_incident
 from tests.making.stores import (
     NOON,
     RULES,
@@ -158,6 +161,20 @@ def test_what_a_ratio_weighs_is_an_attack_only_where_the_verdict_is_one(tmp_path
     assert incident["ratio"] == f"about 10 times as likely {said}: moderate support"
     facts = {row["item"]: row["note"] for row in run_query(store, "frame", {"frame": 1}).to_pylist()}
     assert facts["likelihood ratio"] == incident["ratio"]
+
+
+def test_a_day_counts_its_alerts_apart_from_its_incidents_and_both_without_excused_ones(tmp_path):
+    store = new_store(tmp_path)
+    alerts = [part_of("2", (2,), 2, alert=True), make_verdict(RIG, "c"), part_of("3", (3,), 3, alert=True)]
+    kept_verdicts(store, part_of("1", (1,), 1), *alerts)
+    counts = itemgetter("incidents", "alerts", "excused")
+    assert [counts(day) for day in run_query(store, "report_days").to_pylist()] == [(1, 2, 0)]
+    rows = run_query(store, "incidents").to_pylist()
+    assert "<b>1\u00a0incident and 2\u00a0alerts</b>" in render(load_fleet(store, rows))
+    review_incident(store, next(row for row in rows if row["grade"] == "alert"), ReviewVerdict.KNOWN, "low sun")
+    assert [counts(day) for day in run_query(store, "report_days").to_pylist()] == [(1, 1, 1)]
+    page = render(load_fleet(store, run_query(store, "incidents").to_pylist()))
+    assert "1\u00a0alert excused by a review" in page
 
 
 def test_what_several_views_and_checks_of_a_frame_say_is_said_once_and_counts_it_once(tmp_path):
