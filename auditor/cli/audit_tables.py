@@ -22,8 +22,6 @@ _INCIDENT_COLUMNS = ("incident", "recording", "rig", "verdict", "sensors", "fram
 _ID_SHOWN = 8
 _REMARK = "remark"
 _MOST_NAMED = 3
-_WEAK = "no single frame: "
-"""How the evidence of an incident begins of which no frame is a finding by itself."""
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -134,5 +132,5 @@ def _incident(row: Mapping[str, Any]) -> dict[str, Any]:
         "to": row["last_frame"],
         "seconds": row["seconds"],
         "gap": row["largest_gap"],
-        "weak": (row["evidence"] or "").startswith(_WEAK),
+        "weak": row["weak"],
     }

@@ -25,6 +25,7 @@
 -- column strongest_measurement_id: The measurement that it is of, as in `regions`, `pictures` and `verdicts`.
 -- column largest_gap: The gap of its strongest frame: by how much z the strongest sensor exceeds the next, or the limit.
 -- column evidence: What exceeded its threshold, in words: in how many of its frames, and its mean score there. Where no frame is a finding by itself, that evidence below its limit lasted; where frames are one of another kind, that it lasted carries the incident.
+-- column weak: No frame is a finding by itself: evidence below its limit lasted.
 -- column shares: How much of the evidence speaks for what, in words: what the verdicts on its frames are, each by itself.
 -- column alternatives: The next-best explanations of its strongest frame, in words, with probabilities that weigh how likely each was before as well; NULL where that frame names other sensors than the incident.
 -- column posterior: The largest probability of the likeliest attack set in one of its frames, at even odds before; NULL by the paper's method.
@@ -294,9 +295,10 @@ told AS (
         strongest.name AS strongest_name,
         strongest.measurement_id AS strongest_measurement_id,
         strongest.gap AS largest_gap,
+        grouped.findings = 0
+            OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL AS weak,
         CASE
-            WHEN grouped.findings = 0 OR carried.evidence IS NULL AND grouped.kind = 'attacked' AND grouped.largest_ratio IS NOT NULL
-                THEN 'no single frame: weak evidence that lasts'
+            WHEN weak THEN 'no single frame: weak evidence that lasts'
             WHEN grouped.of_all THEN format('{}; no single frame is {} by itself: what lasts is', carried.evidence, grouped.kind)
             ELSE carried.evidence
         END AS evidence,

@@ -136,7 +136,7 @@ def test_an_incident_of_frames_none_of_which_is_a_finding_counts_as_found_and_sa
     assert (kept.in_incidents, kept.found, kept.counts[VerdictKind.CLEAN]) == (3, 3, 4)
     [incident] = run_query(store, "incidents").to_pylist()
     assert (incident["frames"], incident["strongest_frame"]) == (3, None)
-    assert incident["evidence"] == "no single frame: weak evidence that lasts"
+    assert (incident["weak"], incident["evidence"]) == (True, "no single frame: weak evidence that lasts")
 
 
 def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_path):
@@ -145,7 +145,7 @@ def test_an_incident_of_what_lasts_says_that_its_frames_say_another_thing(tmp_pa
     lasts = replace(part_of("s", (1,), 1), evidence=evidence, causes=dirt)
     kept_verdicts(store, *[lasts] * 3)
     [incident] = run_query(store, "incidents").to_pylist()
-    assert incident["shares"] == "suspect 100 %"
+    assert (incident["weak"], incident["shares"]) == (False, "suspect 100 %")
     assert incident["evidence"].endswith(" in 3 frames (+4.00); no single frame is attacked by itself: what lasts is")
     assert incident["causes"].endswith("on its lens do (score 0.50 of 1), of single frames and not of what lasts")
 
