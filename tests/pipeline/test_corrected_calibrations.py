@@ -61,9 +61,11 @@ def test_of_two_places_that_are_said_in_turn_the_one_that_fits_is_in_force_throu
     assert one.stretches == WHOLE
     assert one.rig.lidar
     np.testing.assert_allclose(one.rig.lidar.rig_SE3_lidar, rig.lidar and rig.lidar.rig_SE3_lidar, atol=1e-9)
-    [told] = found.remarks
-    assert told.startswith("the calibration changes at 0.2 s (tf from ")
-    assert ("the one before it stays in force" if first else "it was taken from the beginning") in told
+    [told] = found.changes
+    assert told.what.startswith("the calibration changes at 0.2 s (tf from ")
+    before = "the one before it stays in force" if first else "it was taken from the beginning"
+    assert told.then == f"{before}, for so the images and points fit"
+    assert found.remarks == (f"{told.what}: {told.then}",)
 
 
 def test_a_lidar_that_was_turned_has_a_rig_of_its_own(drive: tuple[Rig, list[Frame]], tmp_path: Path) -> None:

@@ -23,26 +23,26 @@ def with_fitting_rigs(recording: Recording, rigs: RigsInForce) -> RigsInForce:
     for rig_in_force in rigs.rigs:
         rig = rig_in_force.rig
         lines.setdefault(frozenset(map(rig.topic, rig.sensors)), []).append(rig_in_force)
-    told: dict[str, str] = {}
-    fitting = [rig_in_force for line in lines.values() for rig_in_force in _fitting(recording, line, told)]
-    remarks = (next((told[since] for since in told if one.startswith(f"{since}: ")), one) for one in rigs.remarks)
-    return rigs._replace(rigs=tuple(fitting), remarks=tuple(remarks))
+    none: dict[str, str] = {}
+    fitting = [rig_in_force for line in lines.values() for rig_in_force in _fitting(recording, line, none)]
+    changes = dict.fromkeys(change._replace(then=none.get(change.what, change.then)) for change in rigs.changes)
+    return rigs._replace(rigs=tuple(fitting), changes=tuple(changes))
 
 
-def _fitting(recording: Recording, line: Sequence[RigInForce], told: dict[str, str]) -> Sequence[RigInForce]:
-    """The rigs of the same sensors that keep their frames; `told` gets a sentence on each change that was none."""
+def _fitting(recording: Recording, line: Sequence[RigInForce], none: dict[str, str]) -> Sequence[RigInForce]:
+    """The rigs of the same sensors that keep their frames; `none` gets what becomes of each change that was none."""
     if len(line) == 1:
         return line
     first, *others = line
     if _fits_better(recording, others[0], first):
         others[0] = _also_for(others[0], first)
-        told[others[0].since] = f"{others[0].since}: it was taken from the beginning, for so the images and points fit"
+        none[others[0].since] = "it was taken from the beginning, for so the images and points fit"
         first, *others = others
     kept = [first]
     for later in others:
         if _fits_better(recording, kept[-1], later):
             kept[-1] = _also_for(kept[-1], later)
-            told[later.since] = f"{later.since}: the one before it stays in force, for so the images and points fit"
+            none[later.since] = "the one before it stays in force, for so the images and points fit"
         else:
             kept.append(later)
     return kept

@@ -82,7 +82,7 @@ def settled_rigs(recording: Recording, surveyed: Survey) -> RigsInForce:
     if doubted:
         settled, remark = _settled_lens(recording, surveyed, doubted)
         rigs = _settled_places(recording, settled)
-        return rigs._replace(remarks=(*remark, *rigs.remarks))
+        return rigs._replace(repairs=(*remark, *rigs.repairs))
     return _settled_places(recording, surveyed)
 
 
@@ -131,7 +131,7 @@ def _settled_places(recording: Recording, surveyed: Survey) -> RigsInForce:
     turned = best.survey.conventions.axes is not surveyed.conventions.axes
     sentence = (disagreements.doubts if turned else disagreements.sentences)[0]
     remark = f"{sentence}: {best.survey.conventions}, for so the images and points fit"
-    return rigs._replace(remarks=(remark, *rigs.remarks))
+    return rigs._replace(repairs=(remark, *rigs.repairs))
 
 
 def _rigs_in_force(recording: Recording, surveyed: Survey) -> RigsInForce:

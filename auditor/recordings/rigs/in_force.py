@@ -33,7 +33,7 @@ _MOST_TOPICS = 4  # in one remark
 class RigInForce:
     """A rig, the calibrations that it was made of, and when they are in force; `changes` are why not always.
 
-    `since` is the one by which it came into force; empty of a rig of the beginning.
+    `since` is that by which it came into force; empty of a rig of the beginning.
     """
 
     rig: Rig
@@ -51,15 +51,31 @@ class RigInForce:
         return self.survey.interleaved and len(self.stretches) == 1
 
 
+class ToldChange(NamedTuple):
+    """A change of the calibration in words: `what` changes and when, and what becomes of the frames from `then` on."""
+
+    what: str
+    then: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.then}"
+
+
 class RigsInForce(NamedTuple):
-    """The rigs of a recording, those of its beginning first, and a sentence for each change or repair.
+    """The rigs of a recording, those of its beginning first; a sentence for each repair of calibrations, and changes.
 
     `withheld` is why no verdict may be given on any of them, and what to do about it; empty where there is no reason.
     """
 
     rigs: tuple[RigInForce, ...]
-    remarks: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+    changes: tuple[ToldChange, ...] = ()
     withheld: str = ""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A sentence for each repair and change."""
+        return (*self.repairs, *map(str, self.changes))
 
     def larger_than(self, rig_in_force: RigInForce) -> Iterator[Rig]:
         """The rigs that have all sensors of one of them, and more, when it is in force."""
@@ -99,14 +115,15 @@ def _in_force(
     survey: Survey, rigs: Sequence[Rig], needed: Sequence[Mapping[Key, int]], changes: Changes
 ) -> RigsInForce:
     by_id: dict[str, RigInForce] = {}
-    remarks = dict.fromkeys(_repairs(rigs, survey))
+    told: dict[ToldChange, None] = {}
     for rig, needs in zip(rigs, needed, strict=True):
         line = _Line(rig, survey, needs, [other for other in rigs if other is not rig])
         line.follow(changes)
         for rig_in_force in line.in_force():
             by_id.setdefault(rig_in_force.rig.rig_id, rig_in_force)
-        remarks.update(dict.fromkeys(line.remarks))
-    return RigsInForce(tuple(by_id.values()), tuple(remarks))
+        told.update(dict.fromkeys(line.told))
+    repairs = tuple(dict.fromkeys(_repairs(rigs, survey)))
+    return RigsInForce(tuple(by_id.values()), repairs, tuple(told))
 
 
 def _repairs(rigs: Sequence[Rig], survey: Survey) -> Iterator[str]:
@@ -171,7 +188,7 @@ class _Line:
         self._begin_ns = min((sample.time_ns for sample in samples), default=0)
         self._changes: list[str] = []
         self._since: dict[Rig, str] = {rig: ""}
-        self.remarks: list[str] = []
+        self.told: list[ToldChange] = []
 
     def in_force(self) -> Iterator[RigInForce]:
         """The rigs with their times."""
@@ -214,12 +231,12 @@ class _Line:
         self._add(in_force, Stretch(begin_ns, changes.until_ns, reason))
         if changes.until_ns is not None:
             self._add(self._last, Stretch(changes.until_ns, None, TOO_OFTEN))
-            self.remarks.append(f"{TOO_OFTEN}: frames from {self._at(changes.until_ns)} on are not audited")
+            self.told.append(ToldChange(TOO_OFTEN, f"frames from {self._at(changes.until_ns)} on are not audited"))
 
     def _end(self, from_ns: int, cluster: _Cluster) -> None:
         self._add(self._last, Stretch(from_ns, None, TOO_OFTEN))
         reason = f"{TOO_OFTEN}, more than {CALIBRATION_CHANGES.most} times"
-        self.remarks.append(f"{reason}: frames from {self._at(cluster.first_ns)} on are not audited")
+        self.told.append(ToldChange(reason, f"frames from {self._at(cluster.first_ns)} on are not audited"))
 
     def _add(self, rigs: Sequence[Rig], stretch: Stretch) -> None:
         for rig in rigs:
@@ -244,7 +261,7 @@ class _Line:
         self._changes.append(f"{CHANGING} at {self._at(cluster.first_ns)}{until} ({named})")
         for rig in rigs:
             self._since.setdefault(rig, self._changes[-1])
-        self.remarks.append(f"{self._changes[-1]}: {between}frames from then on {then}")
+        self.told.append(ToldChange(self._changes[-1], f"{between}frames from then on {then}"))
 
     def _at(self, time_ns: int) -> str:
         return f"{(time_ns - self._begin_ns) / 1e9:.1f} s"
