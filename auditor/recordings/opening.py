@@ -3,17 +3,18 @@
 import os
 import re
 import shlex
-from codecs import getincrementaldecoder
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import IO
 
 from auditor.errors import RecordingError
 from auditor.model.rig import Rig
 from auditor.recordings.content import open_regular, unreadable
 from auditor.recordings.formats.bag_metadata import METADATA, lacks_its_files
-from auditor.recordings.formats.beginnings import kind_by_bytes, recordings_in_archive
+from auditor.recordings.formats.beginnings import is_text, kind_by_bytes, recordings_in_archive
 from auditor.recordings.formats.datasets.argoverse import ArgoverseReader
 from auditor.recordings.formats.datasets.dgp import DgpReader
 from auditor.recordings.formats.datasets.kitti_360 import Kitti360Reader
@@ -55,9 +56,6 @@ _ALMOST = re.compile(r"\.(mcap|bag|db3)([.~_ (].*)?$", re.IGNORECASE)
 
 _UNPACKED_BY = {".gz": "gunzip", ".bz2": "bunzip2", ".xz": "unxz", ".lz4": "unlz4"}
 """Of endings of packed files that are not read the commands that unpack them."""
-
-_TEXT_BYTES = 4096
-"""So much of a file's beginning says whether it is text."""
 
 KINDS = (
     "an .mcap, .bag or .db3 file, a rosbag2 folder, "
@@ -140,11 +138,11 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
         try:
             here = _recordings_at(path, errors)
             places.update(dict.fromkeys(here))
-            for candidate in _almost_recordings(path, here):
-                if (overlooked := _overlooked(candidate)) is None:
+            for candidate, error in _overlooked(path, here):
+                if error is None:
                     notes[candidate] = None
                 else:
-                    errors[candidate] = overlooked
+                    errors[candidate] = error
         except RecordingError as error:
             errors[path] = error
         except OSError as error:
@@ -163,21 +161,25 @@ def find_recordings(paths: Sequence[Path]) -> LocatedRecordings:
     )
 
 
-def _almost_recordings(folder: Path, recordings: Collection[Path]) -> Iterator[Path]:
+def _overlooked(folder: Path, recordings: Collection[Path]) -> Iterator[tuple[Path, RecordingError | None]]:
     """The files and folders below a searched one that are none of its recordings, and seem to be or to have been some.
 
-    The files of a dataset's drive are looked at by their names alone: there are many, and its reader knows them.
+    Each has its error, or None if it is text beside a recording. The files of a dataset's drive are looked at by their
+    names alone: there are many, and its reader knows them.
     """
     datasets = {path for path in recordings if path.is_dir() and format_of(path) != _ROSBAG2}
     for place, within, names in os.walk(folder):
         here = Path(place)
         alone = METADATA in names and not within and not any(file_kind(Path(name)) for name in names)
         if alone and lacks_its_files(here):
-            yield here
+            problem, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
+            yield here, RecordingError(problem, where=here, remedy=remedy)
         looked_into = datasets.isdisjoint({here, *here.parents}) and not _is_hidden(here.relative_to(folder))
         for file in (here / name for name in sorted(names)):
-            if _is_named_almost(file) or (looked_into and _holds_recordings(file, recordings)):
-                yield file
+            if _is_named_almost(file):
+                yield file, _named_almost(file)
+            elif looked_into and (held := _held(file, recordings)) is not None:
+                yield file, held
 
 
 def _is_named_almost(file: Path) -> bool:
@@ -191,52 +193,38 @@ def _is_hidden(path: Path) -> bool:
     return any(part.startswith(".") for part in path.parts)
 
 
-def _holds_recordings(file: Path, recordings: Collection[Path]) -> bool:
-    """True for a file that is no recording by its name, and is one by its bytes, or an archive of some.
+def _named_almost(file: Path) -> RecordingError | None:
+    """The error for a file that is named almost like a recording; None for text beside one."""
+    try:
+        with open_regular(file) as opened:
+            return _by_bytes(file, opened) or (None if is_text(opened) else _misnamed(file))
+    except OSError as error:
+        return unreadable(file, error)
+
+
+def _held(file: Path, recordings: Collection[Path]) -> RecordingError | None:
+    """The error for a file that is no recording by its name, and is one by its bytes, or an archive of some.
 
     A link to a recording that is read is none. What cannot be read is not told: it may be anything.
     """
     if _is_hidden(Path(file.name)) or file_kind(file):
-        return False
+        return None
     if file.is_symlink() and file.resolve() in {path.resolve() for path in recordings}:
-        return False
-    try:
-        return bool(kind_by_bytes(file) or recordings_in_archive(file))
-    except OSError:
-        return False
-
-
-def _overlooked(path: Path) -> RecordingError | None:
-    """The error for what seems to have been a recording; None for text beside one."""
-    if path.is_dir():
-        problem, remedy = f"a rosbag2 folder of which only {METADATA} is there", "copy it again, with its files"
-        return RecordingError(problem, where=path, remedy=remedy)
-    try:
-        return _by_bytes(path) or (None if _is_text(path) else _misnamed(path))
-    except OSError as error:
-        return unreadable(path, error)
-
-
-def _by_bytes(file: Path) -> RecordingError | None:
-    """The error for a recording under another name, or an archive of some; None for any other file. Raises OSError."""
-    if kind := kind_by_bytes(file):
-        problem, remedy = f"by its bytes it is an {kind} file, and by its name none", f"rename it to end with {kind}"
-        return RecordingError(f"{problem}: it was not read", where=file, remedy=f"{remedy}, or move it elsewhere")
-    if names := recordings_in_archive(file):
-        problem = f"an archive of {names[0]}" + (f" and {len(names) - 1} more recordings" if names[1:] else "")
-        return RecordingError(f"{problem}: it was not read", where=file, remedy="unpack it, or move it elsewhere")
+        return None
+    with suppress(OSError), open_regular(file) as opened:
+        return _by_bytes(file, opened)
     return None
 
 
-def _is_text(file: Path) -> bool:
-    """Whether a file begins with text, as no recording does, whole or in part, packed or not. Raises OSError."""
-    with open_regular(file) as opened:
-        beginning = opened.read(_TEXT_BYTES)
-    decoder = getincrementaldecoder("utf-8")()
-    try:
-        return "\0" not in decoder.decode(beginning) and bool(beginning)
-    except UnicodeDecodeError:
-        return False
+def _by_bytes(file: Path, opened: IO[bytes]) -> RecordingError | None:
+    """The error for a recording under another name, or an archive of some; None for any other file. Raises OSError."""
+    if kind := kind_by_bytes(opened):
+        problem, remedy = f"by its bytes it is an {kind} file, and by its name none", f"rename it to end with {kind}"
+        return RecordingError(f"{problem}: it was not read", where=file, remedy=f"{remedy}, or move it elsewhere")
+    if names := recordings_in_archive(opened):
+        problem = f"an archive of {names[0]}" + (f" and {len(names) - 1} more recordings" if names[1:] else "")
+        return RecordingError(f"{problem}: it was not read", where=file, remedy="unpack it, or move it elsewhere")
+    return None
 
 
 def unknown_kind(where: Path | str, kinds: str = KINDS) -> RecordingError:
@@ -282,7 +270,8 @@ def _recordings_at(path: Path, errors: dict[Path, RecordingError]) -> list[Path]
     if _is_one(path):
         return [path, *_beside(path, errors)]
     if not path.is_dir():
-        raise _by_bytes(path) or unknown_kind(path)
+        with open_regular(path) as opened:
+            raise _by_bytes(path, opened) or unknown_kind(path)
     recordings = list(_search(path, errors))
     if not recordings:
         raise RecordingError("there is no recording in this folder", where=path, remedy=f"it should hold {KINDS}")

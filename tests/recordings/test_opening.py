@@ -12,7 +12,8 @@ import pytest
 
 from auditor.errors import RecordingError
 from auditor.recordings import Location, find_recordings, format_of, open_recording, write_bag, write_db3, write_mcap
-from auditor.recordings.content import FileContent
+from auditor.recordings import opening as opening_of_paths
+from auditor.recordings.content import FileContent, open_regular
 from tests.making.recorded_drives import make_frames, make_rig
 
 RIG = make_rig(2)
@@ -167,6 +168,21 @@ def test_an_archive_of_recordings_is_told(fleet: Path, tmp_path: Path) -> None:
         "an archive of c.db3 and 1 more recordings: it was not read",
         "an archive of two.mcap: it was not read",
     ]
+
+
+def test_what_files_are_by_their_bytes_takes_one_opening_of_each(
+    fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("two.mcap", "noext"):
+        shutil.copy(fleet / "b" / "two.mcap", tmp_path / name)
+    with zipfile.ZipFile(tmp_path / "pack.zip", "w") as packed:
+        packed.write(fleet / "b" / "two.mcap", "b/two.mcap")
+    (tmp_path / "two.mcap.txt").write_text("a note")
+    opened: list[str] = []
+    monkeypatch.setattr(opening_of_paths, "open_regular", lambda path: opened.append(path.name) or open_regular(path))
+    located = find_recordings([tmp_path])
+    assert [Path(str(error.where)).name for error in located.errors] == ["noext", "pack.zip"]
+    assert opened == ["noext", "pack.zip", "two.mcap.txt"]
 
 
 def test_other_files_links_to_what_is_read_and_what_datasets_hold_are_no_recordings_under_other_names(

@@ -4,12 +4,12 @@ A few blocks of each file are read, and nothing is unpacked.
 """
 
 import re
+from codecs import getincrementaldecoder
 from collections.abc import Iterator
 from io import SEEK_END
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from auditor.recordings.content import open_regular
 from auditor.recordings.formats.mcap_records import MAGIC as MAGIC_OF_MCAP
 from auditor.recordings.formats.part_names import BAG, DB3, MCAP, file_kind
 from auditor.recordings.formats.rosbag1 import MAGIC as MAGIC_OF_BAGS
@@ -29,25 +29,37 @@ _DIRECTORY_BYTES = 2**20  # of the end of a zip, where its directory lies: it bo
 _TAR_BLOCK = 512
 _MOST_MEMBERS = 1000  # of a tar, whose headers lie between its files: it bounds the work
 
-
-def kind_by_bytes(file: Path) -> str:
-    """.mcap, .bag or .db3 where a file begins as one of them does; empty otherwise. Raises OSError."""
-    with open_regular(file) as opened:
-        beginning = opened.read(_TAR_BLOCK)
-        if beginning.startswith(MAGIC_OF_MCAP):
-            return MCAP
-        if beginning.startswith(MAGIC_OF_BAGS):
-            return BAG
-        is_database = beginning.startswith(_MAGIC_OF_SQLITE)
-        return DB3 if is_database and _TABLES.search(beginning + opened.read(_FIRST_PAGE_BYTES)) else ""
+_TEXT_BYTES = 4096  # so much of a file's beginning says whether it is text
 
 
-def recordings_in_archive(file: Path) -> tuple[str, ...]:
-    """The names of the recordings that a zip or a tar holds, as far as it is looked at. Raises OSError."""
-    with open_regular(file) as opened:
-        beginning = opened.read(_TAR_BLOCK)
-        listed = _names_in_zip if beginning.startswith(_MAGIC_OF_ZIP) else _names_in_tar
-        return tuple(name for name in map(_last_part, listed(opened)) if file_kind(Path(name)))
+def kind_by_bytes(opened: IO[bytes]) -> str:
+    """.mcap, .bag or .db3 where an open file begins as one of them does; empty otherwise. Raises OSError."""
+    opened.seek(0)
+    beginning = opened.read(_TAR_BLOCK)
+    if beginning.startswith(MAGIC_OF_MCAP):
+        return MCAP
+    if beginning.startswith(MAGIC_OF_BAGS):
+        return BAG
+    is_database = beginning.startswith(_MAGIC_OF_SQLITE)
+    return DB3 if is_database and _TABLES.search(beginning + opened.read(_FIRST_PAGE_BYTES)) else ""
+
+
+def recordings_in_archive(opened: IO[bytes]) -> tuple[str, ...]:
+    """The names of the recordings that an open zip or tar holds, as far as it is looked at. Raises OSError."""
+    opened.seek(0)
+    listed = _names_in_zip if opened.read(_TAR_BLOCK).startswith(_MAGIC_OF_ZIP) else _names_in_tar
+    return tuple(name for name in map(_last_part, listed(opened)) if file_kind(Path(name)))
+
+
+def is_text(opened: IO[bytes]) -> bool:
+    """Whether an open file begins with text, as no recording does, whole or in part, packed or not. Raises OSError."""
+    opened.seek(0)
+    beginning = opened.read(_TEXT_BYTES)
+    decoder = getincrementaldecoder("utf-8")()
+    try:
+        return "\0" not in decoder.decode(beginning) and bool(beginning)
+    except UnicodeDecodeError:
+        return False
 
 
 def _last_part(name: bytes) -> str:
