@@ -1,5 +1,6 @@
 """Whether a recording was read whole: decided here alone, so that every verb ends in the same exit code."""
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ from auditor.model.verdict import VerdictKind
 from auditor.recordings.synchronisation.counts import BETWEEN, EDGE
 from auditor.store.records import StoredJudgement, StoredMeasurement
 from auditor.store.store import Store
+from auditor.store.tables import read_table
 
 _MOST_DAMAGE = 3  # pieces of damage in one remark
 _MOST_FASTER = 3  # sensors in one remark
@@ -185,7 +187,15 @@ def frames_not_audited(
     due = FrameCount(measurement.measured, measurement.skipped).due
     if audited < min_coverage * due and not (checked_by_past(rig, beside) or looks_again(rig, beside)):
         without = first_few(list(_without(store, measurement, rig)), _MOST_WITHOUT)
-        yield f"{audited} of {due} frames audited" + (without and f": nothing of {without}")
+        why = f": nothing of {without}" if without else "" if measurement.withheld else _most_frequent(store, judgement)
+        yield f"{audited} of {due} frames audited{why}"
+
+
+def _most_frequent(store: Store, judgement: StoredJudgement) -> str:
+    """The most frequent reason why nothing is said of frames, and of how many; empty where there is none."""
+    verdicts = read_table("verdicts", store.source("verdicts", judgement.judgement_id), ["kind", "reason"]).to_pylist()
+    told = Counter(row["reason"] for row in verdicts if row["kind"] == VerdictKind.NOT_AUDITABLE and row["reason"])
+    return "".join(f"; {count} other{'s' * (count > 1)}: {reason}" for reason, count in told.most_common(1))
 
 
 def _without(store: Store, measurement: StoredMeasurement, rig: Rig) -> Iterator[str]:

@@ -43,6 +43,17 @@ def test_what_the_picture_was_is_said_of_frames_in_which_nothing_was_compared():
     assert reasons == [STANDS, *(f"the camera's picture {picture}: nothing was compared" for picture in pictures)]
 
 
+def test_a_picture_that_only_noise_changes_is_told_from_one_that_changes():
+    still = portion(1)
+    level, texture = np.array([80.0, 81, 81.01, 81.02, 81.01, 83]), np.array([0.4, 0.4, 0.401, 0.4, 0.45, 0.45])
+    brightness = {("level", 1): level, ("textureless_share", 1): texture}
+    frozen = np.zeros_like(still.series.frozen)
+    verdicts = [Verdict(VerdictKind.NOT_AUDITABLE, "-", reason=STANDS)] * FRAMES
+    told = with_pictures(verdicts, replace(still, series=replace(still.series, brightness=brightness, frozen=frozen)))
+    same = "the camera's picture changes by no more than noise, as where it is frozen or the vehicle stands"
+    assert [one.reason for one in told] == [STANDS, STANDS, *[f"{same}: nothing was compared"] * 2, STANDS, STANDS]
+
+
 def test_what_was_compared_and_what_other_cameras_see_stays_as_it_was_said():
     verdicts = [Verdict(VerdictKind.NOT_AUDITABLE, "-", reason=STANDS)] * FRAMES
     compared = [replace(one, e="0") for one in verdicts]

@@ -17,6 +17,7 @@ from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import Check, rig_sensor_checks
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Finding, VerdictKind
 from auditor.pipeline.judge import todays_rules
+from auditor.pipeline.reading import frames_not_audited
 from auditor.reporting.fleet import load_fleet, render
 from auditor.store.queries import describe, run_query, run_sql
 from auditor.store.records import JudgementRecord
@@ -161,6 +162,14 @@ def test_what_a_ratio_weighs_is_an_attack_only_where_the_verdict_is_one(tmp_path
     assert incident["ratio"] == f"about 10 times as likely {said}: moderate support"
     facts = {row["item"]: row["note"] for row in run_query(store, "frame", {"frame": 1}).to_pylist()}
     assert facts["likelihood ratio"] == incident["ratio"]
+
+
+def test_too_few_audited_frames_are_told_with_the_most_frequent_reason(tmp_path):
+    store = new_store(tmp_path)
+    seldom = replace(make_verdict(RIG, "n"), reason="seldom")
+    kept = kept_verdicts(store, *(make_verdict(RIG, kind) for kind in "cnn"), seldom)
+    told = frames_not_audited(store, store.measurement(kept.measurement_id), kept, 0.9, RIG, ())
+    assert list(told) == ["1 of 4 frames audited; 2 others: a reason"]
 
 
 def test_a_day_counts_its_alerts_apart_from_its_incidents_and_both_without_excused_ones(tmp_path):
