@@ -129,6 +129,12 @@ def share_threads(network: MatcherOptions, jobs: int) -> tuple[MatcherOptions, i
     return replace(network, threads=max(1, len(os.sched_getaffinity(0)) // jobs)), jobs
 
 
+def known_files(batch: Batch) -> KnownFiles:
+    """Which files of a batch its store knows, and need not be read."""
+    again = batch.settings.measure_again or batch.settings.verify_content
+    return KnownFiles(batch.tasks, batch.store, read_again=again)
+
+
 def measure_all(
     batch: Batch, on_progress: Callable[[object, str, int], None]
 ) -> Iterator[Outcome[MeasureTask, MeasureResult]]:
@@ -138,8 +144,7 @@ def measure_all(
     recording, what is being done, and the number of frames done.
     """
     settings, unknown = batch.settings, []
-    known_files = KnownFiles(batch.tasks, batch.store, read_again=settings.measure_again or settings.verify_content)
-    for task, result in chain.from_iterable(map(known_files.found, batch.tasks)):
+    for task, result in chain.from_iterable(map(known_files(batch).found, batch.tasks)):
         if result is None:
             unknown.append(task)
         else:

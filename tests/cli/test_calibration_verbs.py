@@ -12,6 +12,7 @@ from auditor import __version__
 from auditor.cli import calibration_tables, run
 from auditor.lab.simulation.drives import make_drive
 from auditor.model.verdict import JUDGING_VERSION
+from auditor.pipeline import workers
 from auditor.recordings import write_mcap
 from auditor.store.store import Store
 from auditor.store.tables import read_rows, write_rows
@@ -186,6 +187,17 @@ def test_two_rig_kinds_into_one_file_are_refused_with_their_names_before_anythin
     assert "measured" not in said
     assert not Store.open(store).measurements()
     assert not out.exists()
+
+
+def test_the_rig_kinds_of_files_that_the_store_knows_are_not_read_again(tmp_path, capfd, monkeypatch):
+    recordings = [str(drive_of(tmp_path, f"{cameras}.mcap", cameras)) for cameras in (3, 4)]
+    calibrate = ["calibrate", *recordings, "--store", str(tmp_path / "audit")]
+    assert run(calibrate) == 3  # two drives of the same stamps
+    read = []
+    monkeypatch.setattr(workers, "run_within", lambda *call: read.append(call))
+    assert run([*calibrate, "--out", str(tmp_path / "one.json")]) == 2
+    assert "--out: these recordings have 2 rig kinds (LiDAR + 3 cameras" in capfd.readouterr().err
+    assert read == []
 
 
 def test_a_calibration_of_what_cannot_be_measured_says_why(tmp_path, capfd):

@@ -1,7 +1,7 @@
 """`auditor calibrate`: thresholds from clean recordings."""
 
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import nullcontext, suppress
 from decimal import Decimal
 from math import ceil
@@ -165,17 +165,27 @@ def _refuse_unmeasured(tally: Tally) -> None:
 
 
 def _kinds_of(scan: "Scan") -> "list[RigKind]":
-    """The rig kinds of recordings, before any is measured; what cannot be read is said by measuring it."""
+    """The rig kinds of recordings, before any is measured; what cannot be read is said by measuring it.
+
+    Of files that the store knows they are in the store; only others are read, as far as their beginning.
+    """
     from auditor.cli.recording_description import kinds_of_rigs  # noqa: PLC0415 - keeps --help quick
     from auditor.model.rig_kind import ComparedTo  # noqa: PLC0415
+    from auditor.pipeline.calibrations.clean import attacked_by_labels  # noqa: PLC0415
+    from auditor.pipeline.many import known_files  # noqa: PLC0415
     from auditor.pipeline.workers import run_within  # noqa: PLC0415
 
-    kinds: list[RigKind] = []
-    for task in scan.batch.tasks:
-        if task.location.remote is None:
+    batch, kinds = scan.batch, list["RigKind"]()
+    files = known_files(batch) if batch.tasks else None
+    for task in batch.tasks:
+        of_rigs: Iterable[RigKind] = ()
+        if batch.store and files and (measured := files.measured(task)):
+            clean = (one for one in measured.measurement_ids if not attacked_by_labels(batch.store, one))
+            of_rigs = [batch.store.rig(batch.store.measurement(one).rig_id).kind for one in clean]
+        elif task.location.remote is None:
             with suppress(AuditorError):
-                of_rigs = run_within(scan.batch.limits(task.location), kinds_of_rigs, task.location, task.rig)
-                kinds += (one for one in of_rigs if not any(one.matches(known) for known in kinds))
+                of_rigs = run_within(batch.limits(task.location), kinds_of_rigs, task.location, task.rig)
+        kinds += (one for one in of_rigs if not any(one.matches(known) for known in kinds))
     return [one for one in kinds if one.compared_to is not ComparedTo.PAST] or kinds
 
 
