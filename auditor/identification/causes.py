@@ -4,6 +4,7 @@ Dirt, exposures and white balance do not change a camera's light checks as light
 LiDAR's cloud make returns scatter: they are told by the checks that find what does.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from math import exp, isnan, nan
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices, Integers
-from auditor.model.checks import CAMERA_CHECKS, Check
+from auditor.model.checks import CAMERA_CHECKS, FEWEST_VOTERS, Check
 from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Verdict
@@ -151,10 +152,11 @@ def seen_of(
 ) -> dict[int, CameraScores]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
-    `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are
+    Those are left out that lack a light which several others have: no dirt makes these brighter. `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are
     known.
     """
-    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR}
+    lacking = Counter(one.k for one in verdict.evidence if Check(one.check_name).kind.by_all_but_one)
+    named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR and lacking[one.i] < FEWEST_VOTERS}
     scores_of = {}
     for sensor in sorted(named):
         columns = system.counting(frozenset(verdict.out_of_system) | (named - {sensor}))

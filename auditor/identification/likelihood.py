@@ -21,9 +21,10 @@ from auditor.identification.parameters import SCORE_LIMITS
 from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices
-from auditor.model.checks import MOST_LEFT_OUT
+from auditor.model.checks import FEWEST_VOTERS, MOST_LEFT_OUT, Check, SensorCheck
 from auditor.model.rig import LIDAR
 
+_UNMATCHED = tuple(one for one in Check if one.kind.by_all_but_one)
 _SUSPECTS = 6  # sensors that sets of several are made of, the likeliest: it bounds the work
 
 
@@ -39,11 +40,12 @@ class AttackSetScores(NamedTuple):
 
     `own` are (F,) by sensor of the set: its largest z by the votes of sensors outside the set, -inf where they have not
     voted. `rest` (F,) is the largest z that sensors outside the set show of each other, less the limit that it exceeds
-    in 1 % of clean frames.
+    in 1 % of clean frames. `lacking` (F,) is the z by which its cameras lack light more than they show any added.
     """
 
     own: Mapping[int, Floats]
     rest: Floats
+    lacking: Floats
 
 
 def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int]) -> list[AttackSet]:
@@ -77,19 +79,110 @@ def explained(z: Floats, system: System, absent: frozenset[int], attacked: Attac
     gone = absent.union(attacked)
     own = {s: _largest(z, of_sensor(system, gone - {s}, s), -np.inf) for s in attacked}
     rest, usual = _rest(system, gone)
-    return AttackSetScores(own, _largest(z, rest) - usual)
+    return AttackSetScores(own, _largest(z, rest) - usual, np.maximum(_lacking(z, system, absent, attacked), 0.0))
 
 
-def log_likelihood_ratios(z: Floats, system: System, absent: frozenset[int], sets: Sequence[AttackSet]) -> Floats:
-    """(F, H) natural logarithms of the likelihood of each attack set against that of no attack, the first of them.
+def lit_alike(system: System, absent: frozenset[int], lacking: AttackSet) -> AttackSet:
+    """The other cameras: where those of a set lack light, the same light may have been added to all of these.
+
+    They are empty where a LiDAR is in the set, or where there are no two others.
+    """
+    others = tuple(s for s in system.sensors if s not in absent.union(lacking, system.lidars))
+    of_cameras = bool(lacking) and system.lidars.isdisjoint(lacking)
+    return others if of_cameras and len(others) >= FEWEST_VOTERS else ()
+
+
+def brighter_than(system: System, lacking: AttackSet, others: AttackSet) -> Indices:
+    """The checks by which each of the other cameras has a patch that is brighter than all that those of a set show."""
+    checks = {one: column for column, one in enumerate(system.sensor_checks) if one.check.kind.by_all_but_one}
+    places = (checks.get(SensorCheck(check, other, lacking)) for check in _UNMATCHED for other in others)
+    return np.array([column for column in places if column is not None], dtype=np.intp)
+
+
+def _explained_by(z: Floats, system: System, absent: frozenset[int], lacking: AttackSet) -> AttackSetScores:
+    """What frames of scores (F, M) show of light on all cameras but those of a set, which says it by what it lacks."""
+    others, gone = lit_alike(system, absent, lacking), absent.union(lacking)
+    removed = np.min([_light(z, system, gone - {s}, s).removed for s in lacking], axis=0)
+    rest, usual = _rest(system, gone)
+    own = dict.fromkeys(others, np.maximum(removed, _alike(z, system, lacking, others)))
+    against = np.maximum(-_lacking(z, system, absent, lacking), 0.0)
+    return AttackSetScores(own, _largest(z, rest) - usual, against)
+
+
+def _lacking(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Floats:
+    """(F,) the z, of all cameras of a set, by which they lack light that the others have more than they show any."""
+    gone = absent.union(attacked)
+    alike = _alike(z, system, attacked, lit_alike(system, absent, attacked))
+    light = [_light(z, system, gone - {s}, s) for s in attacked if s not in system.lidars]
+    least = LIKELIHOOD.least_added
+    more = (np.maximum(np.maximum(one.removed, alike), least) - np.maximum(one.added, least) for one in light)
+    return np.asarray(sum(more, np.zeros(len(z))))
+
+
+def _alike(z: Floats, system: System, lacking: AttackSet, others: AttackSet) -> Floats:
+    """(F,) the z by which all of the other cameras have a patch that is brighter than all that those of a set show."""
+    columns = brighter_than(system, lacking, others)
+    if not columns.size:
+        return np.full(len(z), SCORE_LIMITS.lowest)
+    return np.asarray(np.nan_to_num(z[:, columns], nan=SCORE_LIMITS.lowest).min(axis=1))
+
+
+class _Light(NamedTuple):
+    """(F,) the largest z of light `removed` from a camera, and of light `added` to it."""
+
+    removed: Floats
+    added: Floats
+
+
+def _light(z: Floats, system: System, gone: frozenset[int], sensor: int) -> _Light:
+    columns = of_sensor(system, gone, sensor)
+    kinds = [system.sensor_checks[column].check.kind for column in columns.tolist()]
+    removes, adds = (np.array(flags, dtype=np.bool_) for flags in zip(*((bool(k.opposite_of), k.adds) for k in kinds)))
+    return _Light(_largest(z, columns[removes]), _largest(z, columns[adds]))
+
+
+def log_likelihood_ratios(
+    z: Floats, system: System, absent: frozenset[int], sets: Sequence[AttackSet], alike: Sequence[AttackSet] = ()
+) -> Floats:
+    """(F, H + A) natural logarithms of the likelihood of each attack set against that of no attack, the first of them.
 
     `z` are (F, M) normalised scores of frames without the `absent` sensors, NaN where not measured. No attack is held
-    less likely than the likeliest set by the largest ratio at most.
+    less likely than the likeliest set by the largest ratio at most. The last are those of light on all cameras but
+    those of each set of `alike`.
     """
-    seen = (explained(z, system, absent, attacked) for attacked in sets)
+    seen = [explained(z, system, absent, attacked) for attacked in sets]
+    seen += [_explained_by(z, system, absent, lacking) for lacking in alike]
     ratios = np.stack([_log_likelihood(one, system.lidars) for one in seen], axis=1)
     clean = np.maximum(ratios[:, 0], ratios.max(axis=1) - LARGEST_RATIO)
     return np.asarray(np.concatenate([clean[:, None], ratios[:, 1:]], axis=1) - clean[:, None])
+
+
+class LikelySets(NamedTuple):
+    """The attack sets of a frame and their probabilities, the likeliest first, and their logarithmic ratios.
+
+    `alike` are those of them that are more than can be told apart: what the other cameras lack shows them.
+    """
+
+    likely: list[tuple[AttackSet, float]]
+    ratios: Mapping[AttackSet, float]
+    alike: frozenset[AttackSet]
+
+
+def likely_sets(z: Floats, system: System, absent: frozenset[int]) -> list[LikelySets]:
+    """The attack sets of each of F frames of scores (F, M) without the `absent` sensors."""
+    suspects = [suspects_of(one, system, absent) for one in z]
+    by_frame: dict[int, LikelySets] = {}
+    for those in dict.fromkeys(suspects):
+        frames = [frame for frame, its in enumerate(suspects) if its == those]
+        sets = attack_sets(system, absent, those)
+        lit = {others: one for one in sets if (others := lit_alike(system, absent, one)) and others not in sets}
+        ratios = log_likelihood_ratios(z[frames], system, absent, sets, [*lit.values()])
+        every = [*sets, *lit]
+        chances = posteriors(ratios, every, len(system.sensors) - len(absent))
+        for frame, of_frame, its_ratios in zip(frames, chances.tolist(), ratios.tolist(), strict=True):
+            likely = sorted(zip(every, of_frame, strict=True), key=lambda one: -one[1])
+            by_frame[frame] = LikelySets(likely, dict(zip(every, its_ratios, strict=True)), frozenset(lit))
+    return [by_frame[frame] for frame in range(len(z))]
 
 
 def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Floats:
@@ -109,7 +202,7 @@ def _log_likelihood(seen: AttackSetScores, lidars: Collection[int]) -> Floats:
 
     Several sensors explain nothing where one of them has no vote: a smaller set says as much.
     """
-    ratio = np.interp(seen.rest, REST_AT, LIKELIHOOD.of_rest)
+    ratio = np.interp(seen.rest, REST_AT, LIKELIHOOD.of_rest) + LIKELIHOOD.of_lacking * seen.lacking
     for sensor, own in seen.own.items():
         ratio = ratio + np.interp(own, OWN_AT, LIKELIHOOD.of_lidar if sensor in lidars else LIKELIHOOD.of_camera)
     if len(seen.own) < 2:

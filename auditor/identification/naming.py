@@ -12,14 +12,7 @@ from math import inf, isnan, log10
 import numpy as np
 
 from auditor.identification.causes import scatters
-from auditor.identification.likelihood import (
-    AttackSet,
-    attack_sets,
-    log_likelihood_ratios,
-    of_sensor,
-    posteriors,
-    suspects_of,
-)
+from auditor.identification.likelihood import AttackSet, LikelySets, brighter_than, likely_sets, of_sensor
 from auditor.identification.paper import (
     ABOVE,
     FEWEST_COMPARED,
@@ -178,20 +171,17 @@ def _rows(flags: Flags) -> Iterator[bytes]:
 
 def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explanation]:
     """What explains each of F frames of scores (F, M)."""
-    suspects = [suspects_of(one, system, absent) for one in z]
-    explanations: list[_Explanation | None] = [None] * len(z)
-    for those in dict.fromkeys(suspects):
-        frames = [frame for frame, its in enumerate(suspects) if its == those]
-        sets = attack_sets(system, absent, those)
-        ratios = log_likelihood_ratios(z[frames], system, absent, sets)
-        chances = posteriors(ratios, sets, len(system.sensors) - len(absent))
-        for frame, of_frame, its_ratios in zip(frames, chances.tolist(), ratios, strict=True):
-            likely = sorted(zip(sets, of_frame, strict=True), key=lambda one: -one[1])
-            if system.of_scans and _is_undecided(likely):
-                likely.sort(key=lambda one: -_contested(one[0], z[frame], system))
-            ratio_of = dict(zip(sets, its_ratios, strict=True))
-            explanations[frame] = _explained(z[frame], system, absent, limit, likely, ratio_of)
-    return [one for one in explanations if one is not None]
+    explanations = []
+    for scores, sets in zip(z, likely_sets(z, system, absent), strict=True):
+        if system.of_scans and _is_undecided(sets.likely, _likeliest(sets)):
+            sets.likely.sort(key=lambda one: -_contested(one[0], scores, system))
+        explanations.append(_explained(scores, system, absent, limit, sets))
+    return explanations
+
+
+def _likeliest(sets: LikelySets) -> AttackSet:
+    """The likeliest of the attack sets that can be told apart, () where there is none."""
+    return next((one for one, _ in sets.likely if one and one not in sets.alike), ())
 
 
 def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
@@ -208,11 +198,10 @@ def _explained(
     system: System,
     absent: frozenset[int],
     limit: float,
-    likely: Sequence[tuple[AttackSet, float]],
-    ratios: Mapping[AttackSet, float],
+    sets: LikelySets,
 ) -> _Explanation:
-    """What explains a frame of scores (M,), of which the likely attack sets are known and their ratios."""
-    attacked = next((one for one, _ in likely if one), ())
+    """What explains a frame of scores (M,), of which the attack sets are known."""
+    attacked = _likeliest(sets)
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
     gone = absent.union(attacked)
     columns = system.counting(gone) if attacked else system.detecting(gone)
@@ -222,10 +211,13 @@ def _explained(
     unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
-    evidence = dict.fromkeys((*own, *alone, *others))
-    ratio = float(ratios[attacked] * np.log10(np.e))
+    first = next(one for one, _ in sets.likely if one)
+    lit = brighter_than(system, attacked, first) if first in sets.alike else ()
+    alike = [(float(z[c]), system.sensor_checks[c]) for c in lit if z[c] > limit]
+    evidence = dict.fromkeys((*own, *alone, *alike, *others))
+    ratio = float(sets.ratios[first] * np.log10(np.e))
     return _Explanation(
-        attacked, tuple(likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
+        attacked, tuple(sets.likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
     )
 
 
@@ -251,8 +243,9 @@ def _finding(verdict: Verdict, explanation: _Explanation, z: Floats, system: Sys
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
     absent = frozenset(verdict.out_of_system)
     chances = dict(explanation.likely)
-    best = chances.get(explanation.attacked)
-    others = [(one, chance) for one, chance in explanation.likely if one != explanation.attacked]
+    first = next((one for one, _ in explanation.likely if one), ())
+    best = chances.get(first)
+    others = [(one, chance) for one, chance in explanation.likely if one != first]
     alternatives = [] if best is None else [Alternative(one, log10(best / p)) for one, p in others if p]
     verdict = replace(
         verdict,
@@ -267,7 +260,7 @@ def _finding(verdict: Verdict, explanation: _Explanation, z: Floats, system: Sys
     if not doubt:
         shown = tuple(one for one in verdict.evidence if one.k is not None or one.i in explanation.attacked)
         return replace(verdict, kind=VerdictKind.ATTACKED, attacked=explanation.attacked, evidence=shown)
-    likeliest = (Alternative(explanation.attacked, 0.0),) if explanation.attacked else ()
+    likeliest = (Alternative(first, 0.0),) if first else ()
     reason = "; ".join(filter(None, (doubt, verdict.reason)))
     return replace(
         verdict, kind=VerdictKind.UNIDENTIFIED, reason=reason, alternatives=(*likeliest, *verdict.alternatives)
@@ -309,8 +302,10 @@ def _undecided(explanation: _Explanation) -> str:
     # r alone says how sure it is that there is an attack.
     attacks = [(one, chance) for one, chance in explanation.likely if one]
     whole = sum(chance for _, chance in attacks)
-    if _is_undecided(explanation.likely):
+    if _is_undecided(explanation.likely, explanation.attacked):
         shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
+        if attacks[0][0] != explanation.attacked:
+            return f"{shares}: {listed(explanation.attacked)} lacks light that all others show, and nobody else votes"
         beside = sorted({sensor for one in explanation.outside for sensor in one.nameable})
         named = listed(explanation.attacked)
         more = f", and beside {named} checks of {listed(beside)} exceed the limit" if beside else ""
@@ -318,10 +313,9 @@ def _undecided(explanation: _Explanation) -> str:
     return ""
 
 
-def _is_undecided(likely: Sequence[tuple[AttackSet, float]]) -> bool:
-    """Whether the likeliest attack set is not likely enough among all that are one."""
-    attacks = [chance for one, chance in likely if one]
-    return attacks[0] / sum(attacks) < NAMING.least_probability
+def _is_undecided(likely: Sequence[tuple[AttackSet, float]], attacked: AttackSet) -> bool:
+    """Whether an attack set is not likely enough among all that are one."""
+    return dict(likely)[attacked] / sum(chance for one, chance in likely if one) < NAMING.least_probability
 
 
 def _percent(share: float) -> str:

@@ -104,6 +104,11 @@ class CheckKind:
     by_two_others: bool = False
     by_all_but_one: bool = False
 
+    @property
+    def adds(self) -> bool:
+        """Whether it finds light that was added to a sensor: what lacks light never shows it."""
+        return self.of_light and not self.opposite_of
+
 
 class DeclaredCheck(StrEnum):
     """A check by its name, and its `kind` as it is declared."""
