@@ -16,7 +16,7 @@ _WINDOWS = "streets 9800 to 9859 of four seconds and lasting attacks on three re
 _BESIDE = "clean real drives and streets 9800 to 9859: levels of cameras of one group (docs/decisions.md)"
 _REAL_ATTACKS = "lasting attacks on three real drives, alone and in batches; guard: 56 streets (docs/ablations.md)"
 CURVES = "fitted by benchmark likelihood to three real drives and streets 2000 to 2053 (docs/method.md)"
-_ALIKE = "two cameras lit alike, and one, on three real drives (docs/decisions.md)"
+_ALIKE = "two cameras lit alike on three real drives: 0, -0.5, -1.5 and -3 tried (docs/decisions.md)"
 _OF_CURVE = "natural logarithm of a likelihood, at each z of the curve"
 
 
@@ -116,10 +116,7 @@ class Likelihood:
     )
     of_several: float = parameter(-1.98, unit="added for each sensor after the first", source=CURVES)
     of_lacking: float = parameter(
-        -1.5, unit="added for each z of a camera by which light is removed more than added", source=_ALIKE
-    )
-    least_added: float = parameter(
-        2.0, unit="z of added light, at least, that removed light is compared with", source=_ALIKE
+        -1.5, unit="added for each z by which a camera lacks light more than it shows any", source=_ALIKE
     )
     clean_worth: float = parameter(
         460.0, unit="independent clean frames: the largest ratio that is said", source=CURVES

@@ -110,12 +110,11 @@ def _explained_by(z: Floats, system: System, absent: frozenset[int], lacking: At
 
 
 def _lacking(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> Floats:
-    """(F,) the z, of all cameras of a set, by which they lack light that the others have more than they show any."""
+    """(F,) by how much z the cameras of a set, together, lack light that all others have more than they show any."""
     gone = absent.union(attacked)
     alike = _alike(z, system, attacked, lit_alike(system, absent, attacked))
     light = [_light(z, system, gone - {s}, s) for s in attacked if s not in system.lidars]
-    least = LIKELIHOOD.least_added
-    more = (np.maximum(np.maximum(one.removed, alike), least) - np.maximum(one.added, least) for one in light)
+    more = (np.maximum(np.maximum(one.removed, alike), 0.0) - np.maximum(one.added, 0.0) for one in light)
     return np.asarray(sum(more, np.zeros(len(z))))
 
 
@@ -137,7 +136,8 @@ class _Light(NamedTuple):
 def _light(z: Floats, system: System, gone: frozenset[int], sensor: int) -> _Light:
     columns = of_sensor(system, gone, sensor)
     kinds = [system.sensor_checks[column].check.kind for column in columns.tolist()]
-    removes, adds = (np.array(flags, dtype=np.bool_) for flags in zip(*((bool(k.opposite_of), k.adds) for k in kinds)))
+    removes = np.array([bool(kind.opposite_of) for kind in kinds], dtype=np.bool_)
+    adds = np.array([kind.adds for kind in kinds], dtype=np.bool_)
     return _Light(_largest(z, columns[removes]), _largest(z, columns[adds]))
 
 

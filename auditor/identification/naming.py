@@ -204,8 +204,10 @@ def _explained(
     attacked = _likeliest(sets)
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
     gone = absent.union(attacked)
-    columns = system.counting(gone) if attacked else system.detecting(gone)
-    others = [(float(z[c]), system.sensor_checks[c]) for c in columns.tolist() if z[c] > limit]
+    columns = system.counting(gone).tolist() if attacked else system.detecting(gone).tolist()
+    if LIDAR not in attacked:  # light on a camera is no conflict of the LiDAR, whoever votes
+        columns += [c for c in system.counting(absent).tolist() if system.sensor_checks[c].sensor == LIDAR]
+    others = [(float(z[c]), system.sensor_checks[c]) for c in dict.fromkeys(columns) if z[c] > limit]
     if not attacked:
         return _Explanation((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
     unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
@@ -304,8 +306,9 @@ def _undecided(explanation: _Explanation) -> str:
     whole = sum(chance for _, chance in attacks)
     if _is_undecided(explanation.likely, explanation.attacked):
         shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
-        if attacks[0][0] != explanation.attacked:
-            return f"{shares}: {listed(explanation.attacked)} lacks light that all others show, and nobody else votes"
+        if (first := attacks[0][0]) != explanation.attacked:
+            rather = f"{listed(first)} ({_percent(attacks[0][1] / whole)}) rather than {listed(explanation.attacked)}"
+            return f"{rather}, which lacks light that they show: more than can be told apart"
         beside = sorted({sensor for one in explanation.outside for sensor in one.nameable})
         named = listed(explanation.attacked)
         more = f", and beside {named} checks of {listed(beside)} exceed the limit" if beside else ""

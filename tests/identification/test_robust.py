@@ -170,11 +170,11 @@ def test_a_missing_sensor_is_neither_checked_nor_named():
     assert verdicts[8].out_of_system == (1,)
 
 
-def test_a_camera_that_only_lacks_light_is_soiled_as_well_as_attacked():
+def test_a_camera_that_only_lacks_light_is_soiled_or_all_others_are_lit_alike():
     verdict = judge(range(5, 12), 1, check=Check.REMOVED_LIGHT)[8]
     assert (verdict.kind, verdict.attacked) == (VerdictKind.SUSPECT, ())
     assert [(one.cause, one.sensor) for one in verdict.causes] == [(Cause.SOILED, 1)]
-    assert verdict.alternatives[0].attacked == (1,)
+    assert verdict.alternatives[0].attacked == (2, 3)
     assert finding_of(verdict) == (VerdictKind.SUSPECT, (), 1)
 
 
