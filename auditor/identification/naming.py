@@ -4,7 +4,7 @@ Each check speaks of one sensor, by the vote of others, and an attacked sensor v
 are compared, each by the votes of those outside it (`likelihood`). The likeliest is named where it is likely enough.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, isnan, log10

@@ -56,21 +56,21 @@ KINDS = (
     Kind("electromagnetic stripes", "electromagnetic"),
 )
 
-Changes = Callable[[Frame, Rig, int], Iterator[tuple[str, int, Frame]]]
-"""The kinds of change of a frame by a seed: the name, the camera, and the frame."""
+Changes = Callable[[Frame, Rig, int], Iterator[tuple[str, tuple[int, ...], Frame]]]
+"""The kinds of change of a frame by a seed: the name, the attacked sensors, and the frame."""
 
 SETS = ((1, 2, 3, 4), (1, 2, 3), (1, 2, 4))
 """The cameras that are judged by: all, and three. Of the real drives S_2 and S_4 are colour cameras."""
 
 
-def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, int, Frame]]:
+def attacks_on(frame: Frame, rig: Rig, seed: int) -> Iterator[tuple[str, tuple[int, ...], Frame]]:
     """The frame with each camera under each kind, drawn anew."""
     for camera in rig.cameras:
         for number, one in enumerate(KINDS):
             rng = np.random.default_rng([seed, frame.number, camera.number, number])
             attack = ON_CAMERA[one.kind](AttackDraw(rng, one.strength, one.size), camera)
             image = attack.apply(frame.images[camera.number])
-            yield one.name, camera.number, replace(frame, images={**frame.images, camera.number: image})
+            yield one.name, (camera.number,), replace(frame, images={**frame.images, camera.number: image})
 
 
 def measured(source: Source, name: str, family: str, attacked: int, *, changes: Changes = attacks_on) -> Scene:
@@ -84,8 +84,8 @@ def measured(source: Source, name: str, family: str, attacked: int, *, changes: 
             cases.append(case_of(replace(clean, fault_features=features.update(arrays)), drive.rig))
             if frame.number in chosen:
                 cases += [
-                    case_of(measure(changed, drive.rig, MATCHER)[0], drive.rig, kind, (camera,))
-                    for kind, camera, changed in changes(frame, drive.rig, len(name))
+                    case_of(measure(changed, drive.rig, MATCHER)[0], drive.rig, kind, attacked_sensors)
+                    for kind, attacked_sensors, changed in changes(frame, drive.rig, len(name))
                 ]
         return Scene(name, family, drive.rig, kinds_of(frames[0]), tuple(cases))
 
