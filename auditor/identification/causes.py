@@ -152,7 +152,7 @@ def seen_of(
 ) -> dict[int, CameraScores]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
-    Those are left out that lack a light which several others have: no dirt makes these brighter. `brightness` is what is
+    Those are left out that lack a light which several others have: dirt makes none brighter. `brightness` is what is
     known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are known.
     """
     lacking = Counter(one.k for one in verdict.evidence if Check(one.check_name).kind.by_all_but_one)
