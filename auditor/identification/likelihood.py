@@ -121,9 +121,16 @@ def _lacking(z: Floats, system: System, absent: frozenset[int], attacked: Attack
 def _alike(z: Floats, system: System, lacking: AttackSet, others: AttackSet) -> Floats:
     """(F,) the z by which all of the other cameras have a patch that is brighter than all that those of a set show."""
     columns = brighter_than(system, lacking, others)
-    if not columns.size:
-        return np.full(len(z), SCORE_LIMITS.lowest)
-    return np.asarray(np.nan_to_num(z[:, columns], nan=SCORE_LIMITS.lowest).min(axis=1))
+    if not 0 < len(others) == columns.size:
+        return np.full(len(z), -np.inf)
+    return np.asarray(np.nan_to_num(z[:, columns], nan=-np.inf).min(axis=1))
+
+
+def light_alike(z: Floats, system: System, absent: frozenset[int]) -> dict[int, Floats]:
+    """By camera (F,) the z of light that it and all others but one have alike, in frames of scores (F, M)."""
+    others_of = {sensor: lit_alike(system, absent, (sensor,)) for sensor in system.sensors if sensor not in absent}
+    lacked = {sensor: _alike(z, system, (sensor,), others) for sensor, others in others_of.items() if others}
+    return {sensor: np.max([z for other, z in lacked.items() if other != sensor], axis=0) for sensor in lacked}
 
 
 class _Light(NamedTuple):

@@ -12,7 +12,7 @@ from math import inf, isnan, log10
 import numpy as np
 
 from auditor.identification.causes import scatters
-from auditor.identification.likelihood import AttackSet, LikelySets, brighter_than, likely_sets, of_sensor
+from auditor.identification.likelihood import AttackSet, LikelySets, brighter_than, light_alike, likely_sets, of_sensor
 from auditor.identification.paper import (
     ABOVE,
     FEWEST_COMPARED,
@@ -101,9 +101,10 @@ def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
 
 
 def _detected(z: Floats, system: System, absent: frozenset[int]) -> Floats:
-    """(F,) the largest z of the checks that count; of those by all cameras but one what lies beyond a margin."""
+    """(F,) the largest z of the checks that count; of all cameras but one, alike, what lies beyond a margin."""
     counts = np.nanmax(z[:, system.detecting(absent)], axis=1, initial=-np.inf)
     but_one = np.nanmax(z[:, system.but_one(absent)], axis=1, initial=-np.inf)
+    but_one = np.max([but_one, *light_alike(z, system, absent).values()], axis=0)
     return np.asarray(np.maximum(counts, but_one - NAMING.but_one_beyond))
 
 
@@ -112,11 +113,12 @@ def sensor_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) 
     scores = np.full((len(z), len(system.sensors)), -np.inf)
     for absent, frames in _frames_by_missing(missing).items():
         columns, but_one = system.counting(absent).tolist(), system.but_one(absent).tolist()
+        alike, nothing = light_alike(z[frames], system, absent), np.full(len(frames), -np.inf)
         for place, sensor in enumerate(system.sensors):
             own = [column for column in columns if sensor in system.sensor_checks[column].nameable]
             further = [column for column in but_one if system.sensor_checks[column].sensor == sensor]
-            values = np.hstack([z[np.ix_(frames, own)], z[np.ix_(frames, further)] - NAMING.but_one_beyond])
-            scores[frames, place] = np.nanmax(values, axis=1, initial=-np.inf)
+            beyond = np.column_stack([z[np.ix_(frames, further)], alike.get(sensor, nothing)]) - NAMING.but_one_beyond
+            scores[frames, place] = np.nanmax(np.hstack([z[np.ix_(frames, own)], beyond]), axis=1, initial=-np.inf)
     return scores
 
 
@@ -193,13 +195,7 @@ def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
     return max((value for value in own if not isnan(value)), default=-inf)
 
 
-def _explained(
-    z: Floats,
-    system: System,
-    absent: frozenset[int],
-    limit: float,
-    sets: LikelySets,
-) -> _Explanation:
+def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, sets: LikelySets) -> _Explanation:
     """What explains a frame of scores (M,), of which the attack sets are known."""
     attacked = _likeliest(sets)
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]

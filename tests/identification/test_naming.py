@@ -435,10 +435,17 @@ def test_what_two_of_three_other_cameras_say_of_unmatched_light_has_to_exceed_th
     assert one(alike_in(1, 2, LIMIT + 4.1)).kind is not VerdictKind.CLEAN
 
 
-def test_of_three_cameras_two_that_see_the_same_light_are_not_told_from_the_third():
-    lit = {by(sensor, 3, check=UNMATCHED): 8.0 for sensor in (1, 2)}
-    assert one(lit, system=THREE).kind is VerdictKind.CLEAN
-    assert not THREE.but_one(NONE).size
+def test_of_three_cameras_two_that_see_the_same_light_are_found_and_none_is_named():
+    def lit(z):
+        return {by(sensor, 3, check=UNMATCHED): z for sensor in (1, 2)}
+
+    assert one(lit(LIMIT + 3.9), system=THREE).kind is VerdictKind.CLEAN
+    verdict = one(lit(8.0), system=THREE)
+    assert (verdict.kind, verdict.alternatives[0].attacked) == (VerdictKind.UNIDENTIFIED, (1, 2))
+    assert {(line.i, line.k) for line in verdict.evidence} >= {(1, 3), (2, 3)}
+    z = scores(THREE, lit(8.0), -1.0)
+    assert np.flatnonzero(sensor_scores(z, THREE, [NONE])[0] > LIMIT).tolist() == [1, 2]
+    assert one({by(1, 3, check=UNMATCHED): 12.0}, system=THREE).kind is VerdictKind.CLEAN, "what one says of another"
 
 
 def test_without_a_camera_three_are_left_and_nothing_is_said_by_all_but_one():
