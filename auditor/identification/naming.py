@@ -11,7 +11,6 @@ from math import inf, isnan, log10
 
 import numpy as np
 
-from auditor.identification.causes import scatters
 from auditor.identification.likelihood import (
     AttackSet,
     attack_sets,
@@ -35,7 +34,7 @@ from auditor.identification.systems import System, measured_triples
 from auditor.model.arrays import Flags, Floats, Indices
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import FINDINGS, Alternative, Evidence, Verdict, VerdictKind
+from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _STANDS = (
     "the camera saw too little move by its range, as where the vehicle stands or its picture is white: "
@@ -77,26 +76,6 @@ def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], 
         for frame, verdict in zip(frames, _of_group(z[frames], system, absent, limit), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
-
-
-def name_beside_aerosols(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
-    """The verdicts of `name_attacked`; where an aerosol explains the LiDAR, what other sensors show is named alone."""
-    verdicts = name_attacked(z, system, missing, limit)
-    frames = [frame for frame, verdict in enumerate(verdicts) if _beside_aerosol(verdict)]
-    quiet = z[frames]
-    of_lidar = [check.sensor == LIDAR for check in system.sensor_checks]
-    quiet[:, of_lidar] = np.minimum(quiet[:, of_lidar], 0)
-    alone = name_attacked(quiet, system, [missing[frame] for frame in frames], limit)
-    for frame, verdict in zip(frames, alone, strict=True):
-        if verdict.kind in FINDINGS:
-            verdicts[frame] = verdict
-    return verdicts
-
-
-def _beside_aerosol(verdict: Verdict) -> bool:
-    """Whether an aerosol explains what the LiDAR shows, and another sensor shows something as well."""
-    own = [one for one in verdict.evidence if one.i == LIDAR]
-    return len(own) < len(verdict.evidence) and scatters(own)
 
 
 def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.causes import Nearby, bounds_nearby, seen_of
+from auditor.identification.causes import Nearby, bounds_nearby, scatters, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.faults import OF_DETAIL, fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.incidents.events import (
@@ -44,15 +44,16 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
-from auditor.identification.naming import attack_scores, name_beside_aerosols, sensor_scores
+from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.paper import FEWEST_SENSORS, sensors_where
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
+from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
-from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
 _ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
 """Findings that no other cause explains as well."""
@@ -178,6 +179,31 @@ def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThreshold
     return peaks_of(judge.evidence(), judge.raised)
 
 
+def name_beside_aerosols(
+    z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float, agreeing: Floats
+) -> list[Verdict]:
+    """The verdicts of `name_attacked`; where an aerosol explains the LiDAR, what other sensors show is named alone.
+
+    `agreeing` (F,) are the shares of the LiDAR's points that agree with cameras, NaN where not known.
+    """
+    verdicts = name_attacked(z, system, missing, limit)
+    frames = [frame for frame, verdict in enumerate(verdicts) if _beside_aerosol(verdict, float(agreeing[frame]))]
+    quiet = z[frames]
+    of_lidar = [check.sensor == LIDAR for check in system.sensor_checks]
+    quiet[:, of_lidar] = np.minimum(quiet[:, of_lidar], 0)
+    alone = name_attacked(quiet, system, [missing[frame] for frame in frames], limit)
+    for frame, verdict in zip(frames, alone, strict=True):
+        if verdict.kind in FINDINGS:
+            verdicts[frame] = verdict
+    return verdicts
+
+
+def _beside_aerosol(verdict: Verdict, agreeing: float) -> bool:
+    """Whether an aerosol explains what the LiDAR shows, and another sensor shows something as well."""
+    own = [one for one in verdict.evidence if one.i == LIDAR]
+    return len(own) < len(verdict.evidence) and scatters(own, agreeing)
+
+
 class _Judge:
     """The scores of F frames and their fault hypotheses, and the verdicts that follow on each frame by itself."""
 
@@ -201,6 +227,7 @@ class _Judge:
             for sensors, others, one in zip(still, faults, fired.tolist(), strict=True)
         ]
         self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
+        self._agreeing = np.full(self.frames, np.nan) if series.agreeing is None else series.agreeing
         self._verdicts: dict[int, Verdict] = {}
 
     @cached_property
@@ -270,7 +297,8 @@ class _Judge:
 
     def _judged(self, places: Sequence[int]) -> list[Verdict]:
         series, system, limit = self._series, self._system, self.thresholds.limit
-        named = name_beside_aerosols(self._z[places], system, [self._unused[place] for place in places], limit)
+        unused, agreeing = [self._unused[place] for place in places], self._agreeing[places]
+        named = name_beside_aerosols(self._z[places], system, unused, limit, agreeing)
 
         def weighed(place: int, verdict: Verdict) -> Verdict:
             if place in series.repeated:
@@ -280,7 +308,7 @@ class _Judge:
             brightness = series.brightness_in(place)
             nearby = self._nearby(place)
             seen = seen_of(verdict, self._z[place], series.statistics[place], system, brightness, nearby)
-            return weigh(verdict, self._hypotheses[place], limit, seen)
+            return weigh(verdict, self._hypotheses[place], limit, seen, float(self._agreeing[place]))
 
         return [weighed(place, verdict) for place, verdict in zip(places, named, strict=True)]
 

@@ -48,6 +48,12 @@ def series_of(hit=(), sensor=1, *, check=Check.ADDED_LIGHT, frozen=(), missing=(
     return FrameSeries.of_recording(stamps_ns, statistics, present, prints, {})
 
 
+@pytest.mark.parametrize(("agreeing", "kind"), [(0.2, VerdictKind.ATTACKED), (0.6, VerdictKind.SUSPECT)])
+def test_what_scatters_is_an_aerosol_where_the_cloud_agrees_with_cameras(agreeing, kind):
+    series = replace(series_of([7], 0, check=Check.SCATTERED_RANGES), agreeing=np.full(FRAMES, agreeing))
+    assert judge_frames(series, SYSTEM, THRESHOLDS, only=[7])[0].kind is kind
+
+
 def judge(*hit, score=None, **what):
     thresholds = THRESHOLDS if score is None else replace(THRESHOLDS, evidence_limit=score)
     return judge_frames(series_of(*hit, **what), SYSTEM, thresholds)
