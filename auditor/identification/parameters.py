@@ -262,6 +262,11 @@ class Naming:
         unit="z that unmatched light by all cameras but one exceeds the limit by",
         source="480 clean frames of streets 7000 to 7059: 0 to 4 tried (docs/decisions.md)",
     )
+    most_unmatched: float = parameter(
+        0.42,
+        unit="share of points that a lone camera's past does not show apart from conflicts, beyond which none names",
+        source="walls, drifting rows and other pictures on drives 0009, 0001 and 04 (docs/decisions.md)",
+    )
 
 
 @dataclass(frozen=True)
