@@ -141,7 +141,7 @@ def test_each_is_declared_in_two_files_at_most_and_is_measured_judged_stored_and
         declared.write(CHECK)
     with (tmp_path / "schemas/frames.toml").open("a", encoding="utf-8") as schema:
         schema.write(COLUMN)
-    added(package / "model/measurement.py", '\n\nBRIGHTNESS = ("level"', FIELD)
+    added(package / "model/measurement.py", '\n\nCASE_BRIGHTNESS = ("level"', FIELD)
     write_drive(tmp_path / "drive.mcap", 16, positions_m=THREE_CAMERAS)
     (tmp_path / "used.py").write_text(USED, encoding="utf-8")
     [packages] = [folder for folder in sys.path if Path(folder).name == "site-packages"]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auditor.identification.evidence_parameters import CHANGED_AT, DARKER_AT, SATURATED_AT, THROWN_LIGHT
-from auditor.identification.parameters import HIERARCHY, LIGHT_OF_CAUSES
+from auditor.identification.parameters import FAULT_SCORES, HIERARCHY, LIGHT_OF_CAUSES
 from auditor.identification.statistics import window_bounds
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices, Integers
@@ -22,10 +22,10 @@ from auditor.model.stamps import NANOSECONDS
 from auditor.model.verdict import Cause, Evidence, FaultHypothesis, Verdict
 
 
-def of_aerosol(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
-    """An aerosol, where the strongest of what fired is that returns scatter."""
+def of_aerosol(verdict: Verdict, agreeing: float = nan) -> tuple[FaultHypothesis, ...]:
+    """An aerosol, where the strongest of what fired is that returns scatter, as `scatters` says."""
     strongest = strongest_of(verdict.evidence)
-    return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and scatters(verdict.evidence) else ()
+    return (FaultHypothesis(Cause.AEROSOL, strongest.i),) if strongest and scatters(verdict.evidence, agreeing) else ()
 
 
 def of_dirt(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
@@ -36,10 +36,18 @@ def of_dirt(verdict: Verdict) -> tuple[FaultHypothesis, ...]:
     return (FaultHypothesis(Cause.SOILED, strongest.i),)
 
 
-def scatters(evidence: Sequence[Evidence]) -> bool:
-    """Whether the strongest of what fired is that returns scatter."""
+def scatters(evidence: Sequence[Evidence], agreeing: float = nan) -> bool:
+    """Whether the strongest of what fired is that returns scatter, in a cloud of which a share is `agreeing`.
+
+    Most beams pass an aerosol. A cloud that agrees with cameras nearly nowhere is of another place or time, and what
+    cameras contradict of it scatters as well. NaN where no cameras say how much agrees.
+    """
     strongest = strongest_of(evidence)
-    return strongest is not None and Check(strongest.check_name).kind.of_aerosol
+    return (
+        strongest is not None
+        and Check(strongest.check_name).kind.of_aerosol
+        and not agreeing < FAULT_SCORES.least_in_aerosol
+    )
 
 
 def strongest_of(evidence: Sequence[Evidence]) -> Evidence | None:

@@ -19,11 +19,13 @@ import numpy as np
 from auditor.identification.evidence_parameters import DRIVE_LEVEL
 from auditor.identification.parameters import HIERARCHY
 from auditor.identification.prior import effective_size, log_odds, prior_of_check
+from auditor.identification.scores import normalised_scores
 from auditor.identification.statistics import stretch_medians
 from auditor.model.arrays import Floats, Integers, quantile_of
 from auditor.model.calibration import CleanFrames, NullDistribution, RobustThresholds
-from auditor.model.checks import SensorCheck
+from auditor.model.checks import Check, SensorCheck
 from auditor.model.checks.kind import Of
+from auditor.model.rig import LIDAR
 
 _OF_MEDIAN = pi / 2
 """Times the variance of a mean, that of a median of what is normally distributed."""
@@ -50,7 +52,20 @@ def for_drive(
 
     Its `statistics` are (F, M), those of frames at `stamps_ns` (F,).
     """
-    return _with_own(thresholds, _own_levels(sensor_checks, statistics, stamps_ns))
+    told = _without_thinned(thresholds, sensor_checks, statistics)
+    return _with_own(thresholds, _own_levels(sensor_checks, told, stamps_ns))
+
+
+def _without_thinned(thresholds: RobustThresholds, sensor_checks: Sequence[SensorCheck], statistics: Floats) -> Floats:
+    """The statistics (F, M), NaN in frames in which the LiDAR lacks points for all that is said of those it has.
+
+    It does in no clean frame, by what is expected without the drive's level. Little is compared there, and conflicts.
+    """
+    dropout = np.array([check.check is Check.POINT_DROPOUT for check in sensor_checks])
+    others = np.array([check.sensor == LIDAR for check in sensor_checks]) & ~dropout
+    z = normalised_scores(statistics, [thresholds.expected.get(check) for check in sensor_checks])
+    thinned = np.asarray(z[:, dropout] > thresholds.limit).any(axis=1, keepdims=True)
+    return np.asarray(np.where(thinned & others, np.nan, statistics))
 
 
 _OWN_LEVELS: WeakKeyDictionary[CleanFrames, dict[SensorCheck, OwnLevel | None]] = WeakKeyDictionary()

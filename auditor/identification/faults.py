@@ -6,6 +6,7 @@ on another row, or where it lay a frame ago; every LiDAR point agrees with stere
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -125,17 +126,22 @@ def fault_hypotheses(
 
 
 def weigh(
-    verdict: Verdict, causes: Sequence[FaultHypothesis], limit: float, seen: Mapping[int, CameraScores] | None = None
+    verdict: Verdict,
+    causes: Sequence[FaultHypothesis],
+    limit: float,
+    seen: Mapping[int, CameraScores] | None = None,
+    agreeing: float = nan,
 ) -> Verdict:
     """The verdict with the fault hypotheses of its frame: `suspect` where one explains it about as well as an attack.
 
     A fault is a finding by itself; darkness, rain and exposure are listed where no check fired, and are no
     finding. The fault of a sensor that was left out cannot explain a verdict. Where a check exceeds the `limit` by
     more than a fault its threshold, the fault does not explain it: an attack changes a portion of the view, and more
-    strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives.
+    strongly. The attack of a `suspect` verdict is the first of its alternatives. `seen` is what `seen_of` gives,
+    `agreeing` the share of the LiDAR's points that agree with cameras.
     """
     fired = verdict.kind in FINDINGS
-    hypotheses = (*causes, *of_lens(seen or {}), *of_aerosol(verdict), *of_dirt(verdict))
+    hypotheses = (*causes, *of_lens(seen or {}), *of_aerosol(verdict, agreeing), *of_dirt(verdict))
     ranked = sorted(hypotheses, key=lambda one: (not is_finding(one), -one.score))
     kept = tuple(one for one in ranked if (_explains(one, verdict) if fired else _by_itself(one)))
     enough = _explaining(kept, verdict, limit, seen or {}) if fired else map(is_finding, kept)

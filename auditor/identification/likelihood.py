@@ -167,12 +167,12 @@ def log_likelihood_ratios(
 class LikelySets(NamedTuple):
     """The attack sets of a frame and their probabilities, the likeliest first, and their logarithmic ratios.
 
-    `alike` are those of them that are more than can be told apart: what the other cameras lack shows them.
+    `alike` are those of them that are more than can be told apart, each with the others: what they lack shows it.
     """
 
     likely: list[tuple[AttackSet, float]]
     ratios: Mapping[AttackSet, float]
-    alike: frozenset[AttackSet]
+    alike: Mapping[AttackSet, AttackSet]
 
 
 def likely_sets(z: Floats, system: System, absent: frozenset[int]) -> list[LikelySets]:
@@ -188,7 +188,7 @@ def likely_sets(z: Floats, system: System, absent: frozenset[int]) -> list[Likel
         chances = posteriors(ratios, every, len(system.sensors) - len(absent))
         for frame, of_frame, its_ratios in zip(frames, chances.tolist(), ratios.tolist(), strict=True):
             likely = sorted(zip(every, of_frame, strict=True), key=lambda one: -one[1])
-            by_frame[frame] = LikelySets(likely, dict(zip(every, its_ratios, strict=True)), frozenset(lit))
+            by_frame[frame] = LikelySets(likely, dict(zip(every, its_ratios, strict=True)), lit)
     return [by_frame[frame] for frame in range(len(z))]
 
 

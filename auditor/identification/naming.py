@@ -11,7 +11,6 @@ from math import inf, isnan, log10
 
 import numpy as np
 
-from auditor.identification.causes import scatters
 from auditor.identification.likelihood import AttackSet, LikelySets, brighter_than, light_alike, likely_sets, of_sensor
 from auditor.identification.paper import (
     ABOVE,
@@ -28,7 +27,7 @@ from auditor.identification.systems import System, measured_triples
 from auditor.model.arrays import Flags, Floats, Indices
 from auditor.model.checks import Check, SensorCheck
 from auditor.model.rig import LIDAR
-from auditor.model.verdict import FINDINGS, Alternative, Evidence, Verdict, VerdictKind
+from auditor.model.verdict import Alternative, Evidence, Verdict, VerdictKind
 
 _STANDS = (
     "the camera saw too little move by its range, as where the vehicle stands or its picture is white: "
@@ -43,8 +42,9 @@ class _Explanation:
     """What explains one frame that is a finding.
 
     `likely` are the attack sets and their probabilities, the likeliest first, () being no attack; empty where too few
-    sensors are there. `attacked` is the likeliest set that is one, `ratio` the decimal logarithm of its likelihood
-    ratio against no attack. `evidence` are the checks that show it, and what exceeds the limit outside it: `outside`.
+    sensors are there. `ratio` is the decimal logarithm of the likelihood ratio of the likeliest that is one against no
+    attack. `attacked` is that set, or those that lack light, where all others are lit alike. `evidence` are the checks
+    that show it, and what exceeds the limit outside it: `outside`.
     """
 
     attacked: AttackSet
@@ -70,26 +70,6 @@ def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], 
         for frame, verdict in zip(frames, _of_group(z[frames], system, absent, limit), strict=True):
             verdicts[frame] = verdict
     return [verdict for verdict in verdicts if verdict is not None]
-
-
-def name_beside_aerosols(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
-    """The verdicts of `name_attacked`; where an aerosol explains the LiDAR, what other sensors show is named alone."""
-    verdicts = name_attacked(z, system, missing, limit)
-    frames = [frame for frame, verdict in enumerate(verdicts) if _beside_aerosol(verdict)]
-    quiet = z[frames]
-    of_lidar = [check.sensor == LIDAR for check in system.sensor_checks]
-    quiet[:, of_lidar] = np.minimum(quiet[:, of_lidar], 0)
-    alone = name_attacked(quiet, system, [missing[frame] for frame in frames], limit)
-    for frame, verdict in zip(frames, alone, strict=True):
-        if verdict.kind in FINDINGS:
-            verdicts[frame] = verdict
-    return verdicts
-
-
-def _beside_aerosol(verdict: Verdict) -> bool:
-    """Whether an aerosol explains what the LiDAR shows, and another sensor shows something as well."""
-    own = [one for one in verdict.evidence if one.i == LIDAR]
-    return len(own) < len(verdict.evidence) and scatters(own)
 
 
 def attack_scores(z: Floats, system: System, missing: Sequence[frozenset[int]]) -> Floats:
@@ -175,15 +155,15 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
     """What explains each of F frames of scores (F, M)."""
     explanations = []
     for scores, sets in zip(z, likely_sets(z, system, absent), strict=True):
-        if system.of_scans and _is_undecided(sets.likely, _likeliest(sets)):
+        if system.of_scans and _is_undecided(sets.likely, _first(sets.likely)):
             sets.likely.sort(key=lambda one: -_contested(one[0], scores, system))
         explanations.append(_explained(scores, system, absent, limit, sets))
     return explanations
 
 
-def _likeliest(sets: LikelySets) -> AttackSet:
-    """The likeliest of the attack sets that can be told apart, () where there is none."""
-    return next((one for one, _ in sets.likely if one and one not in sets.alike), ())
+def _first(likely: Sequence[tuple[AttackSet, float]]) -> AttackSet:
+    """The likeliest of the sets that are an attack, () where there is none."""
+    return next((one for one, _ in likely if one), ())
 
 
 def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
@@ -197,7 +177,8 @@ def _contested(attacked: AttackSet, z: Floats, system: System) -> float:
 
 def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, sets: LikelySets) -> _Explanation:
     """What explains a frame of scores (M,), of which the attack sets are known."""
-    attacked = _likeliest(sets)
+    first = _first(sets.likely)
+    attacked = sets.alike.get(first, first)
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
     gone = absent.union(attacked)
     columns = system.counting(gone).tolist() if attacked else system.detecting(gone).tolist()
@@ -209,7 +190,6 @@ def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, 
     unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
-    first = next(one for one, _ in sets.likely if one)
     lit = brighter_than(system, attacked, first) if first in sets.alike else ()
     alike = [(float(z[c]), system.sensor_checks[c]) for c in lit if z[c] > limit]
     evidence = dict.fromkeys((*own, *alone, *alike, *others))
@@ -241,7 +221,7 @@ def _finding(verdict: Verdict, explanation: _Explanation, z: Floats, system: Sys
     """The verdict on a frame that is a finding: with the attacked sensors, or with the reason why none is named."""
     absent = frozenset(verdict.out_of_system)
     chances = dict(explanation.likely)
-    first = next((one for one, _ in explanation.likely if one), ())
+    first = _first(explanation.likely)
     best = chances.get(first)
     others = [(one, chance) for one, chance in explanation.likely if one != first]
     alternatives = [] if best is None else [Alternative(one, log10(best / p)) for one, p in others if p]

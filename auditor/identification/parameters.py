@@ -262,6 +262,11 @@ class Naming:
         unit="z that unmatched light by all cameras but one exceeds the limit by",
         source="480 clean frames of streets 7000 to 7059: 0 to 4 tried (docs/decisions.md)",
     )
+    most_unmatched: float = parameter(
+        0.42,
+        unit="share of points that a lone camera's past does not show apart from conflicts, beyond which none names",
+        source="walls, drifting rows and other pictures on drives 0009, 0001 and 04 (docs/decisions.md)",
+    )
 
 
 @dataclass(frozen=True)
@@ -281,6 +286,11 @@ class FaultScores:
     warmth: float = parameter(0.15, unit="logarithm of red over blue against the other cameras'", source=_WARMTH)
     warmth_of_one_other: float = parameter(0.5, unit="share that is subtracted of a lone other camera", source=_WARMTH)
     rain: float = parameter(0.01, unit="share of isolated points nearby", source=_RAIN)
+    least_in_aerosol: float = parameter(
+        0.4,
+        unit="share of LiDAR points that agree with a pair of cameras, below which no aerosol explains the others",
+        source="dust in, and other clouds in place of, those of drives 0009, 0001 and 04 (docs/decisions.md)",
+    )
     blurred: float = parameter(
         0.3, unit="logarithm of the share with texture, less than that of any other camera", source=_BLURRED
     )

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auditor.identification.causes import Nearby, bounds_nearby, seen_of
+from auditor.identification.causes import Nearby, bounds_nearby, scatters, seen_of
 from auditor.identification.evidence_parameters import INCIDENTS
 from auditor.identification.faults import OF_DETAIL, fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.incidents.events import (
@@ -44,19 +44,27 @@ from auditor.identification.incidents.sequential import (
     strong_frames,
 )
 from auditor.identification.incidents.series import FrameSeries, Portion, on_one_line
-from auditor.identification.naming import attack_scores, name_beside_aerosols, sensor_scores
+from auditor.identification.naming import attack_scores, name_attacked, sensor_scores
 from auditor.identification.paper import FEWEST_SENSORS, sensors_where
+from auditor.identification.parameters import NAMING, TEMPORAL_WINDOW
 from auditor.identification.prior import joint_limit
 from auditor.identification.scores import normalised_scores
+from auditor.identification.statistics import window_means
 from auditor.identification.systems import System
 from auditor.model.arrays import Flags, Floats, Indices, Integers
 from auditor.model.calibration import RobustThresholds
+from auditor.model.checks import Check
+from auditor.model.rig import LIDAR
 from auditor.model.stamps import NANOSECONDS
-from auditor.model.verdict import Cause, FaultHypothesis, Finding, Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Alternative, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
 
 _ACCUSING = frozenset({VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED})
 """Findings that no other cause explains as well."""
 
+_FIT_NOWHERE = (
+    "the camera's pictures of two moments do not fit the LiDAR's ranges elsewhere either: one of the two is wrong, and "
+    "nothing tells which"
+)
 _NOTHING_NEW = "no sensor's data changed since the frame before"
 
 
@@ -178,6 +186,31 @@ def clean_peaks(series: FrameSeries, system: System, thresholds: RobustThreshold
     return peaks_of(judge.evidence(), judge.raised)
 
 
+def name_beside_aerosols(
+    z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float, agreeing: Floats
+) -> list[Verdict]:
+    """The verdicts of `name_attacked`; where an aerosol explains the LiDAR, what other sensors show is named alone.
+
+    `agreeing` (F,) are the shares of the LiDAR's points that agree with cameras, NaN where not known.
+    """
+    verdicts = name_attacked(z, system, missing, limit)
+    frames = [frame for frame, verdict in enumerate(verdicts) if _beside_aerosol(verdict, float(agreeing[frame]))]
+    quiet = z[frames]
+    of_lidar = [check.sensor == LIDAR for check in system.sensor_checks]
+    quiet[:, of_lidar] = np.minimum(quiet[:, of_lidar], 0)
+    alone = name_attacked(quiet, system, [missing[frame] for frame in frames], limit)
+    for frame, verdict in zip(frames, alone, strict=True):
+        if verdict.kind in FINDINGS:
+            verdicts[frame] = verdict
+    return verdicts
+
+
+def _beside_aerosol(verdict: Verdict, agreeing: float) -> bool:
+    """Whether an aerosol explains what the LiDAR shows, and another sensor shows something as well."""
+    own = [one for one in verdict.evidence if one.i == LIDAR]
+    return len(own) < len(verdict.evidence) and scatters(own, agreeing)
+
+
 class _Judge:
     """The scores of F frames and their fault hypotheses, and the verdicts that follow on each frame by itself."""
 
@@ -201,6 +234,7 @@ class _Judge:
             for sensors, others, one in zip(still, faults, fired.tolist(), strict=True)
         ]
         self._faults = np.array([_fault_z(causes) for causes in self._hypotheses], dtype=np.float64)
+        self._agreeing = np.full(self.frames, np.nan) if series.agreeing is None else series.agreeing
         self._verdicts: dict[int, Verdict] = {}
 
     @cached_property
@@ -254,7 +288,7 @@ class _Judge:
         """
         system = self._system
         several = system.of_scans and len(system.sensors) > 1  # two that disagree, and no third that looks there
-        names_one = not several and (system.by_time or len(system.sensors) >= FEWEST_SENSORS)
+        names_one = not several and len(system.sensors) >= FEWEST_SENSORS
         verdicts = self.verdicts(np.flatnonzero(self.beyond > 0).tolist())
         return {
             place: verdict
@@ -270,7 +304,10 @@ class _Judge:
 
     def _judged(self, places: Sequence[int]) -> list[Verdict]:
         series, system, limit = self._series, self._system, self.thresholds.limit
-        named = name_beside_aerosols(self._z[places], system, [self._unused[place] for place in places], limit)
+        unused, agreeing = [self._unused[place] for place in places], self._agreeing[places]
+        named = name_beside_aerosols(self._z[places], system, unused, limit, agreeing)
+        if system.by_time:
+            named = [_doubted(verdict, float(self._unmatched[at])) for at, verdict in zip(places, named, strict=True)]
 
         def weighed(place: int, verdict: Verdict) -> Verdict:
             if place in series.repeated:
@@ -280,9 +317,19 @@ class _Judge:
             brightness = series.brightness_in(place)
             nearby = self._nearby(place)
             seen = seen_of(verdict, self._z[place], series.statistics[place], system, brightness, nearby)
-            return weigh(verdict, self._hypotheses[place], limit, seen)
+            return weigh(verdict, self._hypotheses[place], limit, seen, float(self._agreeing[place]))
 
         return [weighed(place, verdict) for place, verdict in zip(places, named, strict=True)]
+
+    @cached_property
+    def _unmatched(self) -> Floats:
+        """(F,) the share of a lone camera's points that its past does not show, near each frame; NaN where unknown."""
+        series = self._series
+        nothing = np.full(self.frames, np.nan)
+        shares = [series.brightness.get(("unmatched_share", camera), nothing) for camera in self.sensors if camera]
+        of_all = np.array(shares, dtype=np.float64).reshape(len(shares), self.frames).T
+        means = window_means(of_all, series.stamps_ns, TEMPORAL_WINDOW.seconds, series.runs)
+        return np.asarray(np.fmax.reduce(means, axis=1, initial=np.nan))
 
     def _nearby(self, place: int) -> Nearby:
         """The frames around the one at this place."""
@@ -293,6 +340,19 @@ class _Judge:
     @cached_property
     def _bounds(self) -> tuple[Indices, Indices]:
         return bounds_nearby(self._series.stamps_ns, self._series.runs)
+
+
+def _doubted(verdict: Verdict, unmatched: float) -> Verdict:
+    """The verdict on a lone camera and a LiDAR, of which neither is named where the pictures fit the ranges nowhere.
+
+    A pattern that moves over a picture, or other pictures, contradict the LiDAR as a bogus wall does. But beside a wall
+    the camera's past shows what its picture does: not an `unmatched` share of its points.
+    """
+    by_pictures = {one.check_name for one in verdict.evidence} == {Check.PARALLAX_CONFLICT.value}
+    if verdict.attacked != (LIDAR,) or not by_pictures or not unmatched > NAMING.most_unmatched:
+        return verdict
+    alternatives = (Alternative(verdict.attacked, 0.0), *verdict.alternatives)
+    return replace(verdict, kind=VerdictKind.UNIDENTIFIED, attacked=(), alternatives=alternatives, reason=_FIT_NOWHERE)
 
 
 def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequence[tuple[FaultHypothesis, ...]]:

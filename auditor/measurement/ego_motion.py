@@ -9,6 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from auditor.measurement.checks.photometric_consistency import ncc_at
 from auditor.measurement.count_grid import Rows
 from auditor.measurement.moment import Moment
 from auditor.measurement.parameters import HALF, LIDAR_PROJECTION
@@ -31,11 +32,12 @@ _WINDOW = (EGO_MOTION.flow_window_px, EGO_MOTION.flow_window_px)
 class Motion(NamedTuple):
     """A point x of the camera's frame, in metres, lies at `rotation` x + `translation_m` in its frame of a moment ago.
 
-    `rotation` is (3, 3), `translation_m` (3,).
+    `rotation` is (3, 3), `translation_m` (3,). `by_ranges` it follows from two scans alone, to a few decimetres.
     """
 
     rotation: Matrix
     translation_m: Matrix
+    by_ranges: bool = False
 
     @property
     def length_m(self) -> float:
@@ -51,6 +53,9 @@ class Motion(NamedTuple):
 _STANDS = Motion(np.eye(3), np.zeros(3))
 """That of a camera that stands."""
 
+_AHEAD = np.array([0.0, 0.0, 1.0])
+"""In the rig's axes."""
+
 
 def pixels_of(intrinsics: Matrix, points_m: Matrix) -> Matrix:
     """(M, 2) pixels, column and row, of (M, 3) points in the camera's frame."""
@@ -62,9 +67,24 @@ def ego_motion(now: Moment, before: Moment, some: Indices, expected: Motion | No
     """The motion of a camera since the moment before; None where too few corners tell it.
 
     `some` are the numbers of the points of the view at which corners may lie. Where corners move far by the motion that
-    is `expected`, they are sought there. A pattern that is thrown into the lens stands, as if the camera stood: where
-    most of the corners that moved say otherwise, the LiDAR's ranges decide.
+    is `expected`, they are sought there. A pattern that is thrown into the lens stands, as if the camera stood, and so
+    does a picture that is repeated: where most corners stand, the LiDAR's ranges decide.
     """
+    motion, stands = _by_corners(now, before, some, expected)
+    if not stands:
+        return motion
+    rest, _ = _by_corners(now, before, some[~_stays(now, before, some)], expected)
+    agreed = _ranges_agree(now, before, motion or _STANDS) + EGO_MOTION.ranges_gain
+    if rest is not None and _ranges_agree(now, before, rest) > agreed:
+        return rest
+    if motion is None:
+        return None
+    ranged = _by_ranges(now, before)
+    return ranged if _ranges_agree(now, before, ranged) > agreed else motion
+
+
+def _by_corners(now: Moment, before: Moment, some: Indices, expected: Motion | None) -> tuple[Motion | None, bool]:
+    """The motion by corners at some points, None where too few tell it, and whether most of those that fit it stand."""
     intrinsics = HALVED @ now.camera.intrinsics
     row, column = now.view.row[some] // HALF, now.view.column[some] // HALF
     points_m = now.point_m[some][_corners(now.half, row, column)]
@@ -73,13 +93,21 @@ def ego_motion(now: Moment, before: Moment, some: Indices, expected: Motion | No
     there, where = points_m[seen], places[seen].astype(np.float64)
     motion, fitting = _solved(there, where, intrinsics)
     moved = np.hypot(*(where - corners[seen]).T) > EGO_MOTION.moved_px
-    if 2 * np.count_nonzero(fitting & moved) >= np.count_nonzero(moved):
-        return motion
-    of_moved, _ = _solved(there[moved], where[moved], intrinsics)
-    if of_moved is None:
-        return motion
-    gain = _ranges_agree(now, before, of_moved) - _ranges_agree(now, before, motion or _STANDS)
-    return of_moved if gain > EGO_MOTION.ranges_gain else motion
+    return motion, bool(2 * np.count_nonzero(fitting & moved) <= np.count_nonzero(fitting))
+
+
+def _stays(now: Moment, before: Moment, some: Indices) -> Mask:
+    """(P,) mask of the points at whose places both pictures show the same."""
+    row, column = now.view.row[some] // HALF, now.view.column[some] // HALF
+    return ncc_at(now.half, before.half, row, column, np.zeros(some.size, dtype=np.float32)) > EGO_MOTION.stays
+
+
+def _by_ranges(now: Moment, before: Moment) -> Motion:
+    """The motion straight ahead of the vehicle by which most ranges of two scans agree."""
+    ahead = now.camera.rotation @ _AHEAD
+    steps = max(round(EGO_MOTION.fastest_m_s * now.after_s(before) / EGO_MOTION.as_far_m), 1)
+    motions = [Motion(np.eye(3), EGO_MOTION.as_far_m * step * ahead, by_ranges=True) for step in range(1, steps + 1)]
+    return max(motions, key=lambda one: _ranges_agree(now, before, one))
 
 
 def _solved(there_m: Matrix, where_px: Matrix, intrinsics: Matrix) -> tuple[Motion | None, Mask]:
@@ -111,6 +139,7 @@ def _ranges_agree(now: Moment, before: Moment, motion: Motion) -> float:
     The road itself looks alike from everywhere.
     """
     upright = np.flatnonzero(now.view.below_m < EGO_MOTION.upright_m)
+    upright = upright[:: max(-(-upright.size // EGO_MOTION.most_upright), 1)]
     moved_m = now.point_m[upright] @ motion.rotation.T + motion.translation_m
     moved_m = moved_m[moved_m[:, 2] > LIDAR_PROJECTION.nearest_m]
     column, row = np.rint(pixels_of(HALVED @ before.camera.intrinsics, moved_m)).astype(np.intp).T

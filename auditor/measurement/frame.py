@@ -281,7 +281,7 @@ def _coverage(prepared: _PreparedFrame, arrays: FrameArrays) -> dict[int, Covera
             brightness(whole.frame.images[number].pixels, pixels),
             saturated_px=saturated.get(number),
             textureless_share=1.0 - _share(whole.texture[number]),
-            unmatched_share=_unmatched_share(number, maps),
+            unmatched_share=arrays.frame_checks.unmatched.get(number, _unmatched_share(number, maps)),
             compared_share=by_past.get(number, looked[number].by_one),
             compared_by_two_share=looked[number].by_two,
         )

@@ -55,9 +55,11 @@ class OwnPast:
         lidar = lidar_views(frame, rig, prepared.triples)
         conflicts: dict[int, VerifiedConflicts] = {}
         of_pasts: dict[Check, dict[int, OfThePast]] = {check: {} for check in _BY_THE_PAST}
+        unmatched: dict[int, float | None] = {}
         for k, view in lidar.items():
             now = Moment(frame.stamp_ns, prepared.greys[k], view)
-            conflicts[k], said = self._compared(now)
+            compared, said = self._compared(now)
+            conflicts[k], unmatched[k] = compared.points, compared.unmatched_share
             for check, of_past in said.items():
                 of_pasts[check][k] = of_past
             if now.white_share > PARALLAX_CONFLICT.most_white_share:
@@ -65,6 +67,7 @@ class OwnPast:
         frame_checks = replace(
             collect_checks(prepared.half_res, {}, {}, lidar, rig),
             of_pasts=of_pasts,
+            unmatched=unmatched,
             by_direction={
                 Check.PARALLAX_CONFLICT: {(k, k): cells_of_points(points, lidar[k]) for k, points in conflicts.items()}
             },
@@ -73,11 +76,12 @@ class OwnPast:
         comparisons = {triple: _comparison(conflicts[triple.k]) for triple in prepared.triples}
         return FrameArrays(rig, prepared.half_res, comparisons, {}, lidar, frame_checks, cloud=frame.cloud)
 
-    def _compared(self, now: Moment) -> tuple[VerifiedConflicts, dict[Check, OfThePast]]:
+    def _compared(self, now: Moment) -> tuple[ParallaxComparison, dict[Check, OfThePast]]:
         recent = [one for one in self._held if now.follows(one)]
         before = self._chosen(now, recent)
         compared = self._with(now, before)
-        if isnan(compared.moved_m) and before is not None and before is not recent[-1]:
+        told = not isnan(compared.moved_m) and not (compared.motion is not None and compared.motion.by_ranges)
+        if not told and before is not None and before is not recent[-1]:
             # Beside the way, near things cross the picture so fast that corners are followed for one frame only.
             before = recent[-1]
             compared = self._with(now, before)
@@ -88,7 +92,7 @@ class OwnPast:
         said = {Check.STILL_LIGHT: self._way.looked_back(now, before, compared.motion)}
         if compared.still_texture is not None:
             said[Check.STILL_TEXTURE] = OfThePast(compared.still_texture, 0.0, np.zeros(0))
-        return compared.points, {check: one for check, one in said.items() if one is not None}
+        return compared, {check: one for check, one in said.items() if one is not None}
 
     def _with(self, now: Moment, before: Moment | None) -> ParallaxComparison:
         return parallax_conflicts(now, before, self._expected(now, before), self._way.long_ago(now))

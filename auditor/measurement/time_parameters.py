@@ -37,8 +37,11 @@ class EgoMotion:
     upright_m: float = parameter(1.0, unit="m below the LiDAR, above which points are not of the road", source=BY_HAND)
     as_far_m: float = parameter(0.2, unit="m of depth between points that are as far away", source=_THROWN)
     ranges_gain: float = parameter(
-        0.05, unit="share of points more that are as far away by the motion of corners that moved", source=_THROWN
+        0.05, unit="share of points more that are as far away by another motion than by most corners", source=_THROWN
     )
+    stays: float = parameter(0.8, unit="NCC above which two pictures show the same at one place", source=_THROWN)
+    fastest_m_s: float = parameter(40.0, unit="m/s, motions that are tried by the ranges alone", source=BY_HAND)
+    most_upright: int = parameter(2500, unit="points whose ranges are compared", source="bounds the work; by hand")
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class ParallaxConflict:
     )
     most_halved: int = parameter(3, unit="times that pictures are halved", source=BY_HAND)
     first_points: int = parameter(800, unit="points that are compared first", source=_POINTS)
+    fewest: int = parameter(50, unit="of them apart from conflicts, that say which share is unmatched", source=BY_HAND)
     around_px: int = parameter(
         25, unit="half px, width of the square around one found elsewhere in which all points are", source=_POINTS
     )

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import nan
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from auditor.model.arrays import Floats
 from auditor.model.checks import Pair
 from auditor.model.parameters import POINT_EXCESS
@@ -104,6 +106,11 @@ class ObservedFeatures:
     columns: Mapping[str, Floats]
     cameras: tuple[int, ...]
     brightness: Mapping[str, Floats]
+
+    @property
+    def agreeing(self) -> Floats:
+        """(F,) the share of the LiDAR's points that agree with the pair of cameras that most agree with."""
+        return np.asarray(np.fmax.reduce(self.columns["agreeing"], axis=1, initial=nan))
 
     @property
     def by_camera(self) -> dict[tuple[str, int], Floats]:

@@ -57,7 +57,7 @@ class Region:
 
 COUNTING_VERSIONS: Mapping[ComparedTo, int] = {
     ComparedTo.CAMERAS: 36,
-    ComparedTo.PAST: 37,
+    ComparedTo.PAST: 38,
     ComparedTo.SCANS: 33,
     ComparedTo.LIDARS: 33,
 }
@@ -110,8 +110,9 @@ class Coverage:
     """How much of one sensor could be used in one frame.
 
     Cameras: shares of saturated and textureless pixels, and of pixels without a disparity (as source; None for the
-    leftmost), their mean grey `level`, and of colour cameras the means of blue and red. `saturated_px` are half px that
-    saturate near most of the added light, and in most other cameras do not. LiDAR: `returns`, the points that fall into
+    leftmost), or of a lone camera's LiDAR points at which its picture of a moment ago shows something else; their mean
+    grey `level`, and of colour cameras the means of blue and red. `saturated_px` are half px that saturate near most of
+    the added light, and in most other cameras do not. LiDAR: `returns`, the points that fall into
     the leftmost camera's view. Both: the shares of its picture, or of its points, that another sensor was compared
     with, and that two were.
     """
@@ -128,11 +129,11 @@ class Coverage:
     compared_by_two_share: float | None = None
 
 
-BRIGHTNESS = ("level", "saturated_share", "textureless_share", "blue_level", "red_level", "saturated_px")
-"""What causes are told by of each camera: fields of Coverage."""
+CASE_BRIGHTNESS = ("level", "saturated_share", "blue_level", "red_level", "saturated_px")
+"""What cases of evaluations keep of BRIGHTNESS: none of their attacks blurs a camera, or shows it another scene."""
 
-CASE_BRIGHTNESS = tuple(name for name in BRIGHTNESS if name != "textureless_share")
-"""What cases of evaluations keep of these: none of their attacks blurs a camera."""
+BRIGHTNESS = (*CASE_BRIGHTNESS, "textureless_share", "unmatched_share")
+"""What is judged of each camera's picture: fields of Coverage."""
 
 
 LIGHT_STEPS = 7

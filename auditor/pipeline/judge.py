@@ -273,6 +273,7 @@ def _portion(store: Store, fitted: _FittedMeasurement, criteria: Criteria) -> Po
         frames.fingerprints,
         fault_scores(features, frames.stamps_ns, rig.sensors),
         features.by_camera,
+        features.agreeing,
         by_time=system.by_time,
     )
     return Portion(frames.frames, series, system, thresholds)

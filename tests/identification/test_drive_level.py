@@ -95,3 +95,16 @@ def test_light_in_all_frames_is_as_far_from_usual_as_in_one():
     assert z["all frames"] > prior.limit
     assert z["one frame"] / z["all frames"] < 1.6
     assert prior_of_check(LIGHT[1]).tail > 1
+
+
+def test_frames_in_which_the_lidar_lacks_points_say_no_level_of_what_it_has():
+    of_lidar = [SensorCheck(Check.LIDAR_CONFLICT, 0, (1, 2, 3)), SensorCheck(Check.POINT_DROPOUT, 0, (3,))]
+    prior = thresholds_from((), of_lidar, 12, Decimal("0.01"))
+    conflict, dropout = (prior.expected[check] for check in of_lidar)
+    shown = np.full((40, 2), [statistic_at(conflict.mean), statistic_at(dropout.mean)])
+    full = for_drive(prior, of_lidar, shown, np.arange(40) * 10**8).expected[of_lidar[0]]
+    shown[5:] = 0.0, statistic_at(dropout.mean + 1.01 * prior.limit * dropout.deviation)
+    thinned = for_drive(prior, of_lidar, shown, np.arange(40) * 10**8).expected[of_lidar[0]]
+    assert thinned.mean == pytest.approx(full.mean, abs=0.05)
+    shown[5:, 1] = statistic_at(dropout.mean)
+    assert for_drive(prior, of_lidar, shown, np.arange(40) * 10**8).expected[of_lidar[0]].mean < full.mean - 0.5

@@ -48,6 +48,40 @@ def series_of(hit=(), sensor=1, *, check=Check.ADDED_LIGHT, frozen=(), missing=(
     return FrameSeries.of_recording(stamps_ns, statistics, present, prints, {})
 
 
+@pytest.mark.parametrize(("agreeing", "kind"), [(0.2, VerdictKind.ATTACKED), (0.6, VerdictKind.SUSPECT)])
+def test_what_scatters_is_an_aerosol_where_the_cloud_agrees_with_cameras(agreeing, kind):
+    series = replace(series_of([7], 0, check=Check.SCATTERED_RANGES), agreeing=np.full(FRAMES, agreeing))
+    assert judge_frames(series, SYSTEM, THRESHOLDS, only=[7])[0].kind is kind
+
+
+LONE = System(sensor_checks_of((), (), (), (1,)), ((0, 1, 1),), (0, 1))
+
+
+def lone_verdicts(unmatched, *shown):
+    """The verdicts on frames of a LiDAR and a lone camera, in which some of its checks have z = 6."""
+    values = np.full((FRAMES, len(LONE.sensor_checks)), statistic_at(-2.0))
+    values[:, [c for c, one in enumerate(LONE.sensor_checks) if one.check in shown]] = statistic_at(1.0)
+    stamps_ns, here = np.arange(FRAMES, dtype=np.int64) * 100_000_000, np.ones((FRAMES, 2), dtype=np.bool_)
+    pictures = {("unmatched_share", 1): np.full(FRAMES, unmatched)}
+    runs = np.zeros(FRAMES, dtype=np.int64)
+    series = FrameSeries(stamps_ns, runs, values, here, ~here, brightness=pictures)
+    usual = NullDistribution(-2.0, 0.5, 0.5, 3, 100, 0.0)
+    return judge_frames(series, LONE, replace(THRESHOLDS, expected=dict.fromkeys(LONE.sensor_checks, usual)))
+
+
+def test_a_lone_camera_names_the_lidar_where_its_past_shows_the_rest_of_its_picture():
+    assert {v.attacked for v in lone_verdicts(0.3, Check.PARALLAX_CONFLICT)} == {(0,)}
+    unnamed = lone_verdicts(0.55, Check.PARALLAX_CONFLICT)
+    assert {(v.kind, v.finding.kind) for v in unnamed} == {(VerdictKind.UNIDENTIFIED,) * 2}
+    assert "elsewhere" in unnamed[0].reason
+    assert unnamed[0].alternatives[0].attacked == (0,)
+
+
+def test_what_the_lidar_shows_without_pictures_names_it_whatever_they_show():
+    by_both = lone_verdicts(0.55, Check.PARALLAX_CONFLICT, Check.FREE_SPACE_CONFLICT)
+    assert {v.attacked for v in by_both} == {(0,)}
+
+
 def judge(*hit, score=None, **what):
     thresholds = THRESHOLDS if score is None else replace(THRESHOLDS, evidence_limit=score)
     return judge_frames(series_of(*hit, **what), SYSTEM, thresholds)

@@ -86,3 +86,35 @@ def test_a_vehicle_stands_though_a_pattern_moves_over_half_of_its_picture():
     moved = now.grey.copy()
     moved[:, 300:900] = np.roll(now.grey, 6, axis=1)[:, 300:900]
     assert motion_between(now, showing(now, moved)).length_m < 0.05
+
+
+def noisy(picture: Image, seed: int) -> Image:
+    """The picture with fresh noise of two levels."""
+    noise = np.random.default_rng(seed).normal(0, 2, picture.shape)
+    return np.clip(picture + noise, 0, 255).astype(np.uint8)
+
+
+def test_a_picture_that_is_repeated_with_fresh_noise_stands_and_the_ranges_say_that_the_vehicle_does_not():
+    now, before = moment(4), moment(3)
+    true = motion_between(now, before)
+    found = motion_between(showing(now, noisy(before.grey, 1)), showing(before, noisy(before.grey, 2)))
+    assert found.by_ranges
+    assert not true.by_ranges
+    assert np.linalg.norm(found.translation_m - true.translation_m) < 0.25
+
+
+def test_where_the_ranges_say_so_too_the_vehicle_stands():
+    now = moment(4)
+    found = motion_between(showing(now, noisy(now.grey, 1)), showing(now, noisy(now.grey, 2)))
+    assert not found.by_ranges
+    assert found.length_m < 0.05
+
+
+def test_a_strong_pattern_over_half_of_the_picture_has_all_corners_and_does_not_make_the_vehicle_stand():
+    now, before = moment(4), moment(3)
+    speckle = np.random.default_rng(5).integers(0, 2, (now.grey.shape[0] // 4 + 1, 160), dtype=np.uint8) * 180
+    thrown = np.zeros_like(now.grey)
+    thrown[:, :640] = np.kron(speckle, np.ones((4, 4), dtype=np.uint8))[: now.grey.shape[0]]
+    true = motion_between(now, before)
+    lit = motion_between(*(showing(each, cv2.add(each.grey, thrown)) for each in (now, before)))
+    assert np.linalg.norm(lit.translation_m - true.translation_m) < 0.1 * true.length_m

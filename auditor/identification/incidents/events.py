@@ -96,6 +96,7 @@ def series_of(series: FrameSeries, windows: Windows) -> FrameSeries:
         _of_windows(series.frozen.astype(np.float64), windows) > 0.5,
         {cause: next(medians) for cause in series.fault_scores},
         {key: next(medians) for key in series.brightness},
+        agreeing=None if series.agreeing is None else _of_windows(series.agreeing[:, None], windows)[:, 0],
         periods_s=None if series.periods_s is None else series.periods_s[middle],
     )
 

@@ -21,6 +21,7 @@ class FrameSeries:
     sensor check, NaN where not measured; `present` (F, S) says whether a sensor was there, `frozen` (F, S)
     whether it repeats its data while others change. `fault_scores` are (F,) by fault and sensor, and
     `brightness` by the names of BRIGHTNESS and camera. `repeated` are the places of frames without any new data.
+    `agreeing` (F,) are the shares of the LiDAR's points that agree with cameras, NaN where not known, None of all.
     `periods_s` (F,) are those of a longer series that the frames are a portion of; None where they are a whole one.
     """
 
@@ -32,6 +33,7 @@ class FrameSeries:
     fault_scores: Mapping[CauseIn, Floats] = field(default_factory=dict)
     brightness: Mapping[tuple[str, int], Floats] = field(default_factory=dict)
     repeated: frozenset[int] = frozenset()
+    agreeing: Floats | None = None
     periods_s: Floats | None = None
 
     @classmethod
@@ -43,6 +45,7 @@ class FrameSeries:
         fingerprints: Integers,
         fault_scores: Mapping[CauseIn, Floats],
         brightness: Mapping[tuple[str, int], Floats] | None = None,
+        agreeing: Floats | None = None,
         *,
         by_time: bool = False,
     ) -> "FrameSeries":
@@ -59,6 +62,7 @@ class FrameSeries:
             fault_scores,
             brightness or {},
             frozenset(np.flatnonzero(repeated(fingerprints, present)).tolist()),
+            agreeing,
         )
 
     @classmethod

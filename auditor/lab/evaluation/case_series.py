@@ -143,6 +143,7 @@ class CaseSeries:
             np.concatenate([self._frozen(part.places, system) for part in parts]),
             fault_scores(seen, stamps, system.sensors, runs),
             seen.by_camera,
+            agreeing=seen.agreeing,
         )
         starts = np.cumsum([0, *lengths[:-1]]).tolist()
         rows = {

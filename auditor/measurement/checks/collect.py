@@ -72,7 +72,8 @@ class FrameChecks:
     `by_direction` are counts of the LiDAR's points, or of surfaces, by its directions, `counts` what cameras see
     otherwise than each other. The other statistics are measured as they are: `of_pairs` what the source, and what the
     reference, has that the other has not; `of_views` what is said of the LiDAR in the view of a reference camera, as
-    (k,); `of_pasts` what its own past says of a camera; None where it cannot be told.
+    (k,); `of_pasts` what its own past says of a camera, and `unmatched` which share of its points lies where the past
+    shows something else; None where it cannot be told.
     `from_nowhere` (K, 3) are the LiDAR's points that conflict with its last scan, None where there was none.
     `isolated_shares`: how many points are isolated; `thinned`: whether the cloud is. `ranges`: what pairs say of the
     LiDAR's ranges. `unmasked` are those of `counts` that the LiDAR's range masks changed, without it.
@@ -93,6 +94,7 @@ class FrameChecks:
     consistencies: Mapping[Pair, PairConsistency]
     lights: Mapping[Pair, LightDifference]
     of_pasts: Mapping[Check, Mapping[int, OfThePast]] = field(default_factory=dict)
+    unmatched: Mapping[int, float | None] = field(default_factory=dict)
     from_nowhere: Points | None = None
     of_lidars: Mapping[SensorCheck, float | None] = field(default_factory=dict)
     of_a_third: Mapping[SensorCheck, float] = field(default_factory=dict)

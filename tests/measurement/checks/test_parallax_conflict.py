@@ -62,6 +62,20 @@ def test_a_clean_frame_has_next_to_no_conflicts():
         assert np.count_nonzero(found.lidar_conflicts) < 0.005 * np.count_nonzero(found.valid)
 
 
+def test_what_a_picture_shows_apart_from_a_wall_is_what_the_picture_before_shows():
+    clean, walled = (parallax_conflicts(moment(4, wall=one), moment(3, wall=one)) for one in (False, True))
+    assert abs(walled.unmatched_share - clean.unmatched_share) < 0.05
+    now = replace(moment(4), grey=moment(1).grey)
+    assert parallax_conflicts(now, moment(3)).unmatched_share > clean.unmatched_share + 0.1
+
+
+def test_any_number_of_patches_is_sampled():
+    centres = np.tile([[40.0, 30.0], [50.0, 20.0]], (20_000, 1))
+    patches = _patches(moment(0).half, centres, np.ones(1))
+    assert (patches[::2] == patches[0]).all()
+    assert (patches[1::2] == patches[1]).all()
+
+
 def test_conflicts_are_valid():
     found = parallax_conflicts(moment(4, wall=True), moment(3)).points
     assert not (found.lidar_conflicts & ~found.valid).any()

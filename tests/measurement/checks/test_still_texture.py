@@ -105,3 +105,17 @@ def test_the_statistic_is_the_share_of_a_window_of_those_that_should_have_moved(
     half = np.count_nonzero(stays) / (there.size + NUMBERS.pseudo_count)
     assert np.isclose(measure_still_texture(now, there, stays), half, atol=1e-6)
     assert measure_still_texture(now, there[:0], stays[:0]) == 0
+
+
+def test_a_picture_that_is_repeated_with_fresh_noise_stays_and_is_no_conflict_of_the_lidar():
+    picture, rng = frame_of(0).images[1].pixels, np.random.default_rng(3)
+
+    def repeated(number: int) -> Moment:
+        noise = rng.normal(0, 2, picture.shape)
+        return replace(moment(number), grey=np.clip(picture + noise, 0, 255).astype(np.uint8))
+
+    now, before, long_ago = (repeated(n) for n in (FAR + 1, FAR, 0))
+    found = parallax_conflicts(now, before, long_ago=long_ago.half)
+    assert found.still_texture > 0.8
+    assert not found.points.valid.any()
+    assert found.unmatched_share is None

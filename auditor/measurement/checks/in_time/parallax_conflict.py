@@ -46,6 +46,7 @@ _AT_ONCE = 256
 """Points that are compared with all others at once: memory stays bounded."""
 _PATCHES_AT_ONCE = 2048
 """Patches that are compared at once, for the same reason."""
+_MOST_PATCHES = np.iinfo(np.int16).max - 1  # that OpenCV samples at once
 _AROUND = np.ones((PARALLAX_CONFLICT.around_px, PARALLAX_CONFLICT.around_px), dtype=np.uint8)
 
 
@@ -88,25 +89,33 @@ class ParallaxComparison(NamedTuple):
     """The points, compared with a picture of a moment ago, and how the camera moved since.
 
     `moved_m` is how far; NaN where that is not known. `still_texture` is that check's statistic, None where it cannot
-    be told.
+    be told. Of the points that lie apart from those found elsewhere an `unmatched_share` does not agree; None where
+    they are too few.
     """
 
     points: VerifiedConflicts
     moved_m: float
     motion: Motion | None = None
     still_texture: float | None = None
+    unmatched_share: float | None = None
 
 
 class _ComparedPoints(NamedTuple):
     """The numbers of points that were compared, of those that agree with the picture before, and of `conflicts`.
 
-    The latter are found at a `place` (C, 2).
+    The latter are found at a `place` (C, 2). `unmatched_share` is that of ParallaxComparison.
     """
 
     every: Indices
     agrees: Indices
     conflicts: Indices
     place: Floats
+    unmatched_share: float | None = None
+
+    @property
+    def numbers(self) -> tuple[Indices, Indices, Indices]:
+        """The numbers of all, of those that agree, and of those that conflict."""
+        return self.every, self.agrees, self.conflicts
 
 
 def parallax_conflicts(
@@ -116,31 +125,35 @@ def parallax_conflicts(
 
     `expected` is how the camera should have moved since, by how it moved before; `long_ago` its half-resolution picture
     (h, w) of much farther back.
-    No point is valid where there is no such picture, it is too old, or the camera's motion cannot be told.
+    No point is valid where there is no such picture, it is too old, or the pictures do not tell the camera's motion.
     """
-    view, moved_m, motion, texture = now.view, nan, None, None
+    view, moved_m, motion, texture, unmatched = now.view, nan, None, None, None
     valid, conflicts = (np.zeros(view.row.size, dtype=np.bool_) for _ in range(2))
     some = np.flatnonzero(textured(now.half)[view.row // HALF, view.column // HALF])
     if before is not None and now.follows(before) and before.half.shape == now.half.shape:
         motion = ego_motion(now, before, some, expected)
-        if motion is not None:
-            moved_m = motion.length_m
-            sought = _seen_before(now, some, motion)
-            compared = _sampled(now, before, sought)
+    if before is not None and motion is not None:
+        moved_m = motion.length_m
+        sought = _seen_before(now, some, motion)
+        compared = _sampled(now, before, sought)
+        stays, texture = _staying(now, before, long_ago, sought, compared)
+        if not motion.by_ranges:
             valid[sought.point[compared.agrees]] = True
-            stays, texture = _staying(now, before, long_ago, sought, compared)
-            moved = ~np.isin(compared.conflicts, stays)
-            moved &= ~_outnumbered(now, sought.point[stays], sought.point[compared.conflicts], moved)
-            things, place = sought.chosen(compared.conflicts[moved]), compared.place[moved]
-            alike = _alike(things, place)
-            things, place = things.chosen(alike), place[alike]
-            K = before.camera.intrinsics
-            moves = moving(
-                K, before.nearest_m, FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
-            )
-            conflicts[things.point[~moves]] = True
+            conflicts[_conflicting(now, before, sought, compared, stays)] = True
+            unmatched = compared.unmatched_share
     points = VerifiedConflicts(view.row, view.column, valid | conflicts, conflicts)
-    return ParallaxComparison(points, moved_m, motion, texture)
+    return ParallaxComparison(points, moved_m, motion, texture, unmatched)
+
+
+def _conflicting(now: Moment, before: Moment, sought: _Sought, compared: _ComparedPoints, stays: Indices) -> Indices:
+    """The numbers of the points that conflict: they neither stay in the picture nor move by themselves."""
+    moved = ~np.isin(compared.conflicts, stays)
+    moved &= ~_outnumbered(now, sought.point[stays], sought.point[compared.conflicts], moved)
+    things, place = sought.chosen(compared.conflicts[moved]), compared.place[moved]
+    alike = _alike(things, place)
+    things, place = things.chosen(alike), place[alike]
+    elsewhere = FoundElsewhere(things.pixel, things.point_m, place, HALF**things.halvings)
+    return np.asarray(things.point[~moving(before.camera.intrinsics, before.nearest_m, elsewhere)])
 
 
 def _staying(
@@ -212,9 +225,12 @@ def _sampled(now: Moment, before: Moment, sought: _Sought) -> _ComparedPoints:
     elsewhere = np.zeros(now.half.shape, dtype=np.uint8)
     elsewhere.ravel()[there[compared.conflicts]] = 1
     around = cv2.dilate(elsewhere, _AROUND).ravel()[there]
+    apart = first[around[first] == 0]
     around[first] = 0
     further = _compared(now, before, sought, np.flatnonzero(around))
-    return _ComparedPoints(*(np.concatenate(both) for both in zip(compared, further, strict=True)))
+    unmatched = 1 - float(np.isin(apart, compared.agrees).mean()) if apart.size >= PARALLAX_CONFLICT.fewest else None
+    every, agrees, conflicts = (np.concatenate(both) for both in zip(compared.numbers, further.numbers, strict=True))
+    return _ComparedPoints(every, agrees, conflicts, np.concatenate([compared.place, further.place]), unmatched)
 
 
 def _compared(now: Moment, before: Moment, sought: _Sought, some: Indices) -> _ComparedPoints:
@@ -347,8 +363,11 @@ def _patches(image: Image, centres: Floats, scale: Floats, pixels: Indices = _EV
         np.stack([middle, scale], axis=1, dtype=np.float32) @ np.stack([np.ones_like(beside), beside])[:, pixels]
         for middle, beside in zip(centres.T, (_RIGHT, _DOWN), strict=True)
     )
-    sampled = cv2.remap(image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, dtype=np.float32)
+    some = (slice(begin, begin + _MOST_PATCHES) for begin in range(0, len(centres), _MOST_PATCHES))
+    sampled = [
+        cv2.remap(image, column[rows], row[rows], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for rows in some
+    ]
+    return np.concatenate(sampled, dtype=np.float32)
 
 
 def _norms(squares: Floats32) -> Floats32:
