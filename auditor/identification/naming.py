@@ -281,12 +281,12 @@ def _undecided(explanation: _Explanation) -> str:
     attacks = [(one, chance) for one, chance in explanation.likely if one]
     whole = sum(chance for _, chance in attacks)
     if _is_undecided(explanation.likely, explanation.attacked):
-        shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
-        if (first := attacks[0][0]) != explanation.attacked:
-            rather = f"{listed(first)} ({_percent(attacks[0][1] / whole)}) rather than {listed(explanation.attacked)}"
-            return f"{rather}, which lacks light that they show: more than can be told apart"
-        beside = sorted({sensor for one in explanation.outside for sensor in one.nameable})
         named = listed(explanation.attacked)
+        if attacks[0][0] != explanation.attacked:
+            rather = f"{listed(attacks[0][0])} rather than {named}"
+            return f"{rather}, which lacks light that they show: more than can be told apart"
+        shares = " or ".join(f"{listed(one)} ({_percent(chance / whole)})" for one, chance in attacks[:2])
+        beside = sorted({sensor for one in explanation.outside for sensor in one.nameable})
         more = f", and beside {named} checks of {listed(beside)} exceed the limit" if beside else ""
         return f"{shares}: less than {_percent(NAMING.least_probability)} for any set of sensors{more}"
     return ""
