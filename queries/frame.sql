@@ -1,12 +1,13 @@
 -- Everything that is known of one frame, one row a fact: auditor query frame RECORDING FRAME.
 --
--- Rows stand in this order: the frame, its sensors, the verdict, the disparity error of each triple, the score of each
--- sensor check that counts in it (those by the most cameras that took part), other causes, the next-best explanations.
+-- Rows stand in this order: the frame, its sensors, the verdict, the disparity error of each triple, by the robust method
+-- the evidence (the checks by the votes of sensors that are not held for attacked), the score of each sensor check that
+-- counts in it (those by the most cameras that took part), other causes, the next-best explanations.
 --
 -- param recording VARCHAR = NULL: Only the recording of this name, or whose id begins so.
 -- param frame BIGINT: Number of the frame.
 --
--- column part: What the fact is about: frame, sensor, verdict, error, score, cause or alternative.
+-- column part: What the fact is about: frame, sensor, verdict, error, evidence, score, cause or alternative.
 -- column item: Which frame's property, sensor, property of the verdict, triple, sensor check, cause or explanation.
 -- column value: What was found, in a word: a sensor's state, the verdict, the sensors, the element e of a triple.
 -- column measured: What was measured: the gap, the disparity error E, the statistic of a sensor check, the score of a cause, the probability of an explanation (by the paper's method how much worse it is); NULL where it was not.
@@ -171,7 +172,20 @@ fact AS (
     }
     FROM errors WHERE frame = $frame
     UNION ALL
-    SELECT statistics.measurement_id, 5, position, 'score', {
+    SELECT measurement_id, 5, row, 'evidence', {
+        item: line['check_name'] || ' S_' || line['i'] || coalesce(' or S_' || line['k'], ''),
+        value: NULL,
+        measured: NULL,
+        theta: NULL,
+        score: line['score'],
+        note: NULL
+    }
+    FROM (
+        SELECT measurement_id, unnest(evidence) AS line, generate_subscripts(evidence, 1) AS row
+        FROM judged WHERE method = 'robust'
+    )
+    UNION ALL
+    SELECT statistics.measurement_id, 6, position, 'score', {
         item: check_name || ' S_' || sensor || ' by ' || sensors_in_words(others, ''),
         value: NULL,
         measured: statistics.statistic,
@@ -185,7 +199,7 @@ fact AS (
     WHERE statistics.frame = $frame AND (judged.kind IS NULL OR list_has_all(judged.system, list_append(others, sensor)))
     QUALIFY len(others) = max(len(others)) OVER (PARTITION BY statistics.measurement_id, check_name, sensor)
     UNION ALL
-    SELECT measurement_id, 6, row, 'cause', {
+    SELECT measurement_id, 7, row, 'cause', {
         item: cause['cause'] || coalesce(' S_' || cause['sensor'], ''),
         value: NULL,
         measured: cause['score'],
@@ -195,7 +209,7 @@ fact AS (
     }
     FROM (SELECT measurement_id, unnest(causes) AS cause, generate_subscripts(causes, 1) AS row FROM judged)
     UNION ALL
-    SELECT measurement_id, 7, row, 'alternative', {
+    SELECT measurement_id, 8, row, 'alternative', {
         item: sensors_in_words(alternative['attacked'], 'no attack'),
         value: NULL,
         measured: coalesce(posterior / pow(10, alternative['worse_by']), alternative['worse_by']),

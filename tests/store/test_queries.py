@@ -8,7 +8,16 @@ from auditor.identification.prior import log_odds, statistic_at
 from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import LIDAR_CHECKS, rig_sensor_checks
 from auditor.model.measurement import Statistic
-from auditor.model.verdict import Alternative, AttackLabel, Cause, FaultHypothesis, Finding, Verdict, VerdictKind
+from auditor.model.verdict import (
+    Alternative,
+    AttackLabel,
+    Cause,
+    Evidence,
+    FaultHypothesis,
+    Finding,
+    Verdict,
+    VerdictKind,
+)
 from auditor.store.calibrations import make_calibration
 from auditor.store.connection import shut_connection
 from auditor.store.queries import describe, list_queries, list_views, query, run_query, run_sql
@@ -265,6 +274,7 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
         reason="too few sensors",
         alternatives=(Alternative((), 1.5), Alternative((2, 3), 2.0)),
         causes=(FaultHypothesis(Cause.LATE, 2, 0.75),),
+        evidence=(Evidence("added_light", 2, None, None, 5.5), Evidence("unmatched_light", 3, None, 2, 4.5)),
         finding=Finding(VerdictKind.SUSPECT, ()),
     )
     record = JudgementRecord(measurement_id, "robust", thresholds, RULES, judged_at=NOON)
@@ -273,6 +283,10 @@ def test_a_frame_by_the_robust_method_has_scores_causes_and_alternatives(store):
     assert ("sensor", "S_1 cam1", "missing", None, None, None) in [row[:6] for row in rows]
     assert ("verdict", "kind", "suspect", None, None, None, "too few sensors") in rows
     assert ("verdict", "reached with", "S_0 and S_2 and S_3", None, None, None, "without S_1") in rows
+    assert [row[1:6] for row in rows if row[0] == "evidence"] == [
+        ("added_light S_2", None, None, None, 5.5),
+        ("unmatched_light S_3 or S_2", None, None, None, 4.5),
+    ]
     scores = [row for row in rows if row[0] == "score"]
     theta, z = pytest.approx(statistic_at(usual + 3 * 0.5)), (log_odds(0.5) - usual) / 0.5
     assert scores[0] == ("score", in_words(counting[0]), None, 0.5, theta, pytest.approx(z), None)
