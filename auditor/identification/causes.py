@@ -138,9 +138,9 @@ class CameraScores(NamedTuple):
             (self.removed, CHANGED_AT, of.of_removed),
             (self.inconsistent, CHANGED_AT, of.of_inconsistent),
             (float(np.log(self.darker)), DARKER_AT, of.of_darker),
-            (float(np.log1p(self.saturated_px)), SATURATED_AT, of.of_saturated),
         )
         ratio = of.start + sum(float(np.interp(x, at, values)) for x, at, values in curves if not isnan(x))
+        ratio += 0.0 if isnan(self.saturated_px) else _of_saturated(self.saturated_px)
         if not isnan(self.shown_s):
             ratio += self._of_time
         return 1 / (1 + exp(ratio))
@@ -148,6 +148,11 @@ class CameraScores(NamedTuple):
     @property
     def _of_time(self) -> float:
         return LIGHT_OF_CAUSES.for_gone * self.gone - LIGHT_OF_CAUSES.shown_a_second * self.shown_s
+
+
+def _of_saturated(px: float) -> float:
+    """What so many saturated pixels add to the logarithm of the ratio, light thrown into a camera against its lens."""
+    return float(np.interp(np.log1p(px), SATURATED_AT, THROWN_LIGHT.of_saturated))
 
 
 def seen_of(
@@ -160,10 +165,13 @@ def seen_of(
 ) -> dict[int, CameraScores]:
     """What the cameras of a finding's evidence show, from the scores and statistics (M,) of its frame.
 
-    Those are left out that lack a light which several others have: dirt makes none brighter. `brightness` is what is
-    known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where they are known.
+    Those are left out that lack a light which several others have, so saturated as a lens seldom is: dirt makes none
+    brighter. `brightness` is what is known of BRIGHTNESS by name and camera; `nearby` are the frames around it, where
+    they are known.
     """
-    lacking = Counter(one.k for one in verdict.evidence if Check(one.check_name).kind.by_all_but_one)
+    saturated_px = {camera: px for (name, camera), px in brightness.items() if name == "saturated_px"}
+    lit = {camera for camera, px in saturated_px.items() if _of_saturated(px) > 0}
+    lacking = Counter(one.k for one in verdict.evidence if Check(one.check_name).kind.by_all_but_one and one.i in lit)
     named = {one.i for one in verdict.evidence if one.k is None and one.i != LIDAR and lacking[one.i] < FEWEST_VOTERS}
     scores_of = {}
     for sensor in sorted(named):
@@ -186,7 +194,7 @@ def seen_of(
         )
         if added is not None and removed is not None and inconsistent is not None:
             darker = (statistics[removed] + HIERARCHY.offset) / (statistics[added] + HIERARCHY.offset)
-            saturated = brightness.get(("saturated_px", sensor), nan)
+            saturated = saturated_px.get(sensor, nan)
             own_z = z[added], z[removed], z[inconsistent]
             strongest = max(own.values(), key=lambda column: -np.inf if np.isnan(z[column]) else z[column])
             lasting = (nan, nan) if nearby is None else nearby.lasting(strongest, float(z[strongest]))
