@@ -82,14 +82,19 @@ def explained(z: Floats, system: System, absent: frozenset[int], attacked: Attac
     return AttackSetScores(own, _largest(z, rest) - usual, np.maximum(_lacking(z, system, absent, attacked), 0.0))
 
 
+@cache
 def lit_alike(system: System, absent: frozenset[int], lacking: AttackSet) -> AttackSet:
-    """The other cameras: where those of a set lack light, the same light may have been added to all of these.
+    """The cameras that say what light those of a set lack: the same light may have been added to all of them.
 
-    They are empty where a LiDAR is in the set, or where there are no two others.
+    They are empty where a LiDAR is in the set, or where they are not two.
     """
-    others = tuple(s for s in system.sensors if s not in absent.union(lacking, system.lidars))
-    of_cameras = bool(lacking) and system.lidars.isdisjoint(lacking)
-    return others if of_cameras and len(others) >= FEWEST_VOTERS else ()
+    if not lacking or not system.lidars.isdisjoint(lacking):
+        return ()
+    gone = absent.union(lacking)
+    columns = (column for sensor in lacking for column in of_sensor(system, gone - {sensor}, sensor).tolist())
+    checks = (system.sensor_checks[column] for column in columns)
+    voters = {other for one in checks if one.check.kind.opposite_of for other in one.others}
+    return tuple(sorted(voters)) if len(voters) >= FEWEST_VOTERS else ()
 
 
 def brighter_than(system: System, lacking: AttackSet, others: AttackSet) -> Indices:
