@@ -133,9 +133,13 @@ def _alike(z: Floats, system: System, lacking: AttackSet, others: AttackSet) -> 
 
 def light_alike(z: Floats, system: System, absent: frozenset[int]) -> dict[int, Floats]:
     """By camera (F,) the z of light that it and all others but one have alike, in frames of scores (F, M)."""
-    others_of = {sensor: lit_alike(system, absent, (sensor,)) for sensor in system.sensors if sensor not in absent}
-    lacked = {sensor: _alike(z, system, (sensor,), others) for sensor, others in others_of.items() if others}
-    return {sensor: np.max([z for other, z in lacked.items() if other != sensor], axis=0) for sensor in lacked}
+    of_each = {sensor: lit_alike(system, absent, (sensor,)) for sensor in system.sensors if sensor not in absent}
+    scores: dict[int, list[Floats]] = {}
+    for sensor, others in of_each.items():
+        alike = _alike(z, system, (sensor,), others)
+        for other in others:
+            scores.setdefault(other, []).append(alike)
+    return {sensor: np.max(of_sensor, axis=0) for sensor, of_sensor in scores.items()}
 
 
 class _Light(NamedTuple):

@@ -158,6 +158,9 @@ class MovingFrames:
     step_rad: float = parameter(0.05, unit="rad of a step, as a change of the rotation matrix", source=BY_HAND)
 
 
+_PARTS = "KITTI drive 0009: parts of a scan, thinned or without ground, 0.98 and more; other fields 0.61 at most"
+
+
 @dataclass(frozen=True)
 class LidarChoice:
     """Which of several LiDARs a group of cameras is compared with; another rig has another id."""
@@ -168,6 +171,12 @@ class LidarChoice:
         0.5,
         unit="of what the best one covers that the LiDAR with the most points must cover",
         source="Waymo's LiDARs of 20 m cover more of its cameras than that of 75 m does; by hand",
+    )
+    part_cell_m: float = parameter(
+        2.0, unit="m, side of the cells from above of two clouds in one frame", source=_PARTS
+    )
+    part_share: float = parameter(
+        0.9, unit="of a cloud's points beside those of another in its frame, that it is a part of", source=_PARTS
     )
 
 

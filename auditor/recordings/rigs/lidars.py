@@ -110,6 +110,17 @@ def lidars_alone(rigs: Sequence[Rig], survey: Survey, frames: FrameTree, reasons
             yield _rig_of(first, together, frames)
 
 
+def is_part_of(cloud: CloudTopic, other: CloudTopic) -> bool:
+    """Whether the points of a further topic of one frame lie where another one's do, as those of a thinned cloud.
+
+    Else they are another LiDAR's, which was put into the same frame. Where nothing is known of them they are a part.
+    """
+    if cloud.some_m is None or other.some_m is None:
+        return True
+    own, others = (_from_above(one, np.eye(4), LIDAR_CHOICE.part_cell_m) for one in (cloud, other))
+    return not own or _beside(own, others) >= LIDAR_CHOICE.part_share
+
+
 def _unplaced(clouds: Sequence[CloudTopic], frames: FrameTree) -> Iterator[Reason]:
     for cloud in clouds:
         others = [one for one in clouds if one is not cloud]
@@ -156,7 +167,8 @@ def _overlap(cloud: CloudTopic, other: CloudTopic, frames: FrameTree) -> bool:
         return False
     if np.linalg.norm(cloud_SE3_other[:3, 3]) > RIG_LIMITS.most_apart_m or not (_is_fast(cloud) and _is_fast(other)):
         return False
-    a, b = _from_above(cloud, np.eye(4)), _from_above(other, cloud_SE3_other)
+    places = (cloud, np.eye(4)), (other, cloud_SE3_other)
+    a, b = (_from_above(one, place, LIDAR_OVERLAP.cell_m) for one, place in places)
     return max(_beside(a, b), _beside(b, a)) >= LIDAR_OVERLAP.least_share
 
 
@@ -165,13 +177,13 @@ def _is_fast(cloud: CloudTopic) -> bool:
     return period_ns is not None and period_ns <= LIDAR_OVERLAP.slowest_s * 1e9
 
 
-def _from_above(cloud: CloudTopic, common_SE3_lidar: Matrix) -> list[tuple[int, int]]:
+def _from_above(cloud: CloudTopic, common_SE3_lidar: Matrix, cell_m: float) -> list[tuple[int, int]]:
     """The cells from above of some points of a LiDAR within its reach, in its frame or another with z up."""
     some_m = np.zeros((0, 3)) if cloud.some_m is None else cloud.some_m.astype(np.float64)
     away_m = np.linalg.norm(some_m, axis=1)
     some_m = some_m[(away_m > LIDAR_OVERLAP.nearest_m) & (away_m < LIDAR_OVERLAP.farthest_m)]
     placed = some_m @ common_SE3_lidar[:3, :3].T + common_SE3_lidar[:3, 3]
-    return [(int(x), int(y)) for x, y in np.floor(placed[:, :2] / LIDAR_OVERLAP.cell_m)]
+    return [(int(x), int(y)) for x, y in np.floor(placed[:, :2] / cell_m)]
 
 
 def _beside(cells: Sequence[tuple[int, int]], others: Sequence[tuple[int, int]]) -> float:

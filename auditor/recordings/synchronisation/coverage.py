@@ -12,6 +12,7 @@ from auditor.recordings.recording import Definition, Recording, Topic, Traffic
 from auditor.recordings.rigs.cameras import sensor_name
 from auditor.recordings.rigs.discovery import search_rigs
 from auditor.recordings.rigs.left_out import AtOnePlace, Reason
+from auditor.recordings.rigs.lidars import is_part_of
 from auditor.recordings.synchronisation.counts import MessageCounts
 from auditor.recordings.synchronisation.survey import Survey
 from auditor.recordings.synchronisation.vehicles import frame_of, sharing_frames, space_of
@@ -22,6 +23,7 @@ REMEDY = (
     "or give --no-sensor {topic} where it is neither camera nor LiDAR"
 )
 """What helps where nobody knows the type; `topic` is filled in."""
+_OWN_FRAME = "record it in a frame of its own that tf places"
 _LEAST_MESSAGES = 2  # what is published once, as a map is, is no sensor
 _LEAST_S = 1.0  # shorter recordings count as so long: a rate of a moment is none
 
@@ -152,18 +154,34 @@ def _left_out(recording: Recording, survey: Survey, rig: Rig | None, topics: set
         return
     search, counted = search_rigs(survey), recording.counts
     spaces = sharing_frames(survey.frames)
-    compared = _frames_of(survey, topics.union(*(map(one.topic, one.sensors) for one in search.rigs)), spaces)
+    of_rigs = topics.union(*(map(one.topic, one.sensors) for one in search.rigs))
+    compared = _frames_of(survey, of_rigs, spaces)
     own = rig is None or rig.rig_id in {one.rig_id for of in search.rigs for one in (of, *pasts_of(of))}
     for topic, kind in outside:
         if own and _is_of_any(topic, search.rigs):
             continue  # it is audited with another rig of this recording
         told = next((why for why in search.left_out if why.tells_of(topic.name, sensor_name(topic.name))), None)
         why = _why_left_out(topic, kind, rig, search.rigs, told)
+        if apart := _apart(survey, topic.name, of_rigs, spaces) if own else "":
+            why = f"it has points where {apart} has none, in the same frame: another LiDAR; {_OWN_FRAME}"
         at_one_place = isinstance(told, AtOnePlace) and not space_of(topic.name, spaces)
         of_one_sensor = at_one_place or not compared.isdisjoint(_frames_of(survey, {topic.name}, spaces))
         # Who wrote a rig file chose what it leaves out.
-        state = TopicState.LEFT_OUT if not own or of_one_sensor else TopicState.NOT_COMPARED
+        state = TopicState.LEFT_OUT if not own or (of_one_sensor and not apart) else TopicState.NOT_COMPARED
         yield _outside(topic, kind, state, counted.get(topic.name, 0), why)
+
+
+def _apart(survey: Survey, topic: str, of_rigs: Collection[str], spaces: Collection[str]) -> str:
+    """The LiDAR of a rig in whose frame a topic's points are, but no part of its own; empty where there is none."""
+    frames = _frames_of(survey, {topic}, spaces)
+    clouds = [cloud for cloud in survey.clouds if cloud.topic.name == topic]
+    others = [
+        cloud
+        for cloud in survey.clouds
+        if cloud.topic.name in of_rigs and not frames.isdisjoint(_frames_of(survey, {cloud.topic.name}, spaces))
+    ]
+    apart = bool(clouds and others) and not any(is_part_of(clouds[0], other) for other in others)
+    return others[0].topic.name if apart else ""
 
 
 def _frames_of(survey: Survey, topics: Collection[str], spaces: Collection[str]) -> set[str]:

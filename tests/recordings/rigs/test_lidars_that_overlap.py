@@ -11,6 +11,7 @@ from auditor.recordings import find_rigs
 from auditor.recordings.decoding import Transform
 from auditor.recordings.parameters import LIDAR_OVERLAP
 from auditor.recordings.recording import Topic
+from auditor.recordings.rigs.lidars import is_part_of
 from auditor.recordings.synchronisation.survey import CloudTopic, Sample, Survey
 
 SECOND_NS = 10**9
@@ -75,6 +76,23 @@ def test_a_chain_of_lidars_is_one_rig_and_two_topics_of_one_lidar_are_one_sensor
         cloud("filtered", 1, around(), frame="roof"),
     ]
     assert lidars_of(clouds, {"ahead": at(1), "behind": at(-1), "roof": at(0)}) == [["roof", "ahead", "behind"]]
+
+
+@pytest.mark.parametrize(
+    ("some_m", "is_part"),
+    [
+        (around()[::4], True),
+        (around(behind=False), True),
+        (around(ahead=False), True),
+        (1.5 * around(behind=False), False),
+        (np.concatenate([around(behind=False), 0.5 * around(ahead=False)]), False),
+    ],
+    ids=["thinned", "ahead", "behind", "farther away", "half of it nearer"],
+)
+def test_a_topic_is_a_part_of_another_in_its_frame_where_all_its_points_lie_beside(
+    some_m: Points, is_part: bool
+) -> None:
+    assert is_part_of(cloud("a", 1, some_m), cloud("b", 2, around())) is is_part
 
 
 def test_a_rig_has_a_bounded_number_of_lidars() -> None:

@@ -1,6 +1,7 @@
 """What counts against the coverage of a recording, what does not, and what is audited all the same."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from auditor.model.coverage import TopicCoverage, TopicState, coverage_line, least_covered
 from auditor.model.frames import Frame
 from auditor.model.rig import Rig
-from auditor.recordings import open_recording, write_mcap
+from auditor.recordings import find_rigs, open_recording, survey, write_mcap
 from tests.making.recorded_drives import (
     PERIOD_NS,
     START_NS,
@@ -20,7 +21,7 @@ from tests.making.recorded_drives import (
     split,
     stream_of,
 )
-from tests.making.restamped import Told, rewritten
+from tests.making.restamped import Extra, Told, rewritten
 
 RIG = make_rig(3)
 CAMERA = "/cam2/image_rect"
@@ -296,3 +297,32 @@ def test_every_sensor_of_the_rig_has_its_state_and_numbers(tmp_path: Path) -> No
     assert {topic.sensor: (topic.state, topic.kind, topic.read, topic.regular) for topic in coverage.values()} == {
         sensor: (TopicState.READ, "camera" if sensor else "LiDAR", COUNT, COUNT) for sensor in RIG.sensors
     }
+
+
+@pytest.mark.parametrize(("aside_m", "state"), [(0, TopicState.LEFT_OUT), (20, TopicState.NOT_COMPARED)])
+def test_a_further_lidar_topic_is_left_out_only_where_its_points_are_a_part_of_the_other_s(
+    tmp_path: Path, aside_m: int, state: TopicState
+) -> None:
+    def moved(frame: Frame, y_m: int) -> Frame:
+        assert frame.cloud is not None
+        xyz_m = 0.3 * frame.cloud.xyz_m + np.array([10, y_m, 0])
+        return replace(frame, cloud=replace(frame.cloud, xyz_m=xyz_m.astype(np.float32)))
+
+    frames, others = ([moved(frame, y_m) for frame in make_frames(RIG, COUNT)] for y_m in (0, aside_m))
+    write_mcap(tmp_path / "others.mcap", RIG, others)
+    with open_recording(tmp_path / "others.mcap") as recording:
+        [topic] = [topic for topic in recording.topics() if topic.name == "/top/points"]
+        messages = [
+            (message.log_time_ns, bytes(message.data))
+            for message in recording.messages()
+            if message.topic == topic.name
+        ]
+        second = Extra(replace(topic, name="/second/points"), tuple(messages), recording.definition(topic.schema))
+    write_mcap(tmp_path / "whole.mcap", RIG, frames)
+    path = rewritten(tmp_path / "whole.mcap", tmp_path / "a.mcap", lambda told: [told], [second])
+    with open_recording(path) as recording:
+        [rig] = find_rigs(survey(recording))
+    _, coverage = read(path, rig)
+    [outside] = [one for name, one in coverage.items() if name.endswith("/points") and one.sensor is None]
+    assert outside.state is state
+    assert ("another LiDAR; record it in a frame of its own" in outside.reason) is (aside_m > 0)
