@@ -4,6 +4,7 @@ import cv2
 
 from auditor.measurement.fault_features.calibration_check import CalibrationMonitor
 from auditor.measurement.fault_features.collect import FaultFeatures, RepeatedData
+from auditor.measurement.fault_features.fewer_returns import FewerReturns
 from auditor.measurement.fault_features.geometry_fit import FrameFit, fit_of_sides, geometry_fit, views_of_sides
 from auditor.measurement.frame import measure, measure_stream
 from auditor.measurement.localisation.regions import localise
@@ -24,6 +25,7 @@ def instruction_sets() -> str:
 __all__ = [
     "CalibrationMonitor",
     "FaultFeatures",
+    "FewerReturns",
     "FrameArrays",
     "FrameFit",
     "PictureBook",

@@ -51,8 +51,29 @@ class GeometryFit:
     sides_better_by: float = parameter(0.25, unit="share of the sides' points by which a lens fits", source=_LENSES)
 
 
+_FEWER = "drives 0009, 0001 and 04, whole, thinned and of 16 beams, and the demo's: 0.6 is left of any part at least"
+
+
+@dataclass(frozen=True)
+class FewerReturnsOfScans:
+    """Where scans have far fewer returns than those just before: they count as not audited."""
+
+    scans: int = parameter(5, unit="scans, whose fewest are compared with the most of the next ones", source=_FEWER)
+    most_apart_s: float = parameter(0.25, unit="s between two scans", source="scans at 5 Hz and more; by hand")
+    every: int = parameter(4, unit="points, of which one is counted", source="bounds the work; by hand")
+    sector_deg: int = parameter(45, unit="degrees, a sector", source=_FEWER)
+    steps: int = parameter(3, unit="sectors that overlap a sector's width", source=_FEWER)
+    ranges_m: tuple[float, ...] = parameter((10.0, 20.0, 40.0), unit="m between parts by range", source=_FEWER)
+    fewest: int = parameter(25, unit="counted points of a part", source=_FEWER)
+    least_share: float = parameter(0.01, unit="of all returns in a part", source=_FEWER)
+    most_left: float = parameter(0.4, unit="of the returns of a part, at most", source=_FEWER)
+    most_left_of_all: float = parameter(0.75, unit="of all returns, at most: 0.94 of clean scans", source=_FEWER)
+    again: float = parameter(0.8, unit="of the returns of before, at which they are there again", source=BY_HAND)
+
+
 CALIBRATION_CHECK = CalibrationCheck()
+FEWER_RETURNS = FewerReturnsOfScans()
 GEOMETRY_FIT = GeometryFit()
 
-WARNING = (CALIBRATION_CHECK, GEOMETRY_FIT)
+WARNING = (CALIBRATION_CHECK, FEWER_RETURNS, GEOMETRY_FIT)
 """What decides warnings and where verdicts are withheld, and no count."""

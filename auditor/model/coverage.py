@@ -36,6 +36,7 @@ class Against(StrEnum):
     UNPAIRED = "unpaired"
     DAMAGED = "damaged"
     SAME_DATA = "same data"
+    FEWER_RETURNS = "far fewer returns"
 
 
 _MANY: Mapping[str, str] = {
@@ -45,6 +46,7 @@ _MANY: Mapping[str, str] = {
     Against.NOT_POSITIVE: "stamps zero or negative",
     Against.DISAGREES: "stamps that disagree with their log times",
     Against.SAME_DATA: "messages with the data of the one before",
+    Against.FEWER_RETURNS: "scans with far fewer returns than those just before",
 }
 
 
@@ -97,12 +99,14 @@ class TopicCoverage:
         return self.time.covered_ns / self.time.held_ns if self.time and self.time.held_ns else 1.0
 
 
-def with_repeats(topics: Iterable[TopicCoverage], repeats: Mapping[int, int]) -> tuple[TopicCoverage, ...]:
-    """The coverage where so many regular messages of a sensor have the data of the one before, and show nothing new."""
+def with_shortfall(
+    topics: Iterable[TopicCoverage], reason: Against, counts: Mapping[int, int]
+) -> tuple[TopicCoverage, ...]:
+    """The coverage where so many regular messages of a sensor, by its number, count against it for a reason."""
 
     def of_topic(topic: TopicCoverage) -> TopicCoverage:
-        count = min(repeats.get(topic.sensor, 0), topic.regular) if topic.sensor is not None else 0
-        against = {**topic.against, str(Against.SAME_DATA): count}
+        count = min(counts.get(topic.sensor, 0), topic.regular) if topic.sensor is not None else 0
+        against = {**topic.against, str(reason): count}
         return replace(topic, regular=topic.regular - count, against=against) if count else topic
 
     return tuple(map(of_topic, topics))

@@ -19,6 +19,7 @@ from auditor.identification.transfer import OPENCV, OPENCV_CPU
 from auditor.measurement import (
     CalibrationMonitor,
     FaultFeatures,
+    FewerReturns,
     FrameArrays,
     PictureBook,
     RepeatedData,
@@ -29,7 +30,7 @@ from auditor.measurement import (
 )
 from auditor.measurement.disparity.matchers import Matcher, find_matcher, libraries, preflight
 from auditor.model.checks import IMAGE_CHECKS, SensorCheck, rig_sensor_checks
-from auditor.model.coverage import coverage_line, with_repeats
+from auditor.model.coverage import Against, coverage_line, with_shortfall
 from auditor.model.frames import Frame, SkippedFrame
 from auditor.model.measurement import Measurement
 from auditor.model.rig import Rig
@@ -223,13 +224,14 @@ class _Measuring:
         self._job, self._in_force, self._stream, self._writer = job, in_force, stream, writer
         self._cells, self._thumbnails = CellsKept(job.task.cells), PictureBook(job.task.pictures)
         self._check, self._repeated, self._fault_features = CalibrationMonitor(), RepeatedData(), FaultFeatures()
+        self._fewer = FewerReturns()
         self._sensor_checks = rig_sensor_checks(in_force.rig)
         self._done, self._spent_s = 0, 0.0
 
     def frames(self) -> Generator[int]:
         """Measure and write every frame; yields how many frames, skipped ones included, are done."""
         stream, since_s = self._stream, perf_counter()
-        with closing(measure_stream(stream, self._in_force.rig, self._job.matcher)) as measured:
+        with closing(measure_stream(self._fewer.watch(stream), self._in_force.rig, self._job.matcher)) as measured:
             for self._done, item in enumerate(measured, start=1):
                 if isinstance(item, SkippedFrame):
                     self._writer.skip(item)
@@ -268,7 +270,9 @@ class _Measuring:
         others = [one.rig for one in rigs_in_force.rigs if one.stretches == self._in_force.stretches]
         beside = {topic for one in others for topic in map(one.topic, one.sensors)}
         beside -= {*map(rig.topic, rig.sensors)}  # what another rig audits is not left out
-        coverage = with_repeats([one for one in self._coverage if one.topic not in beside], self._repeated.counts)
+        coverage = tuple(one for one in self._coverage if one.topic not in beside)
+        coverage = with_shortfall(coverage, Against.SAME_DATA, self._repeated.counts)
+        coverage = with_shortfall(coverage, Against.FEWER_RETURNS, self._fewer.counts)
         if writer.measured == 0:
             why = filter(None, (coverage_line(coverage), *self._damage))
             raise RigError(
@@ -289,7 +293,12 @@ class _Measuring:
             damage=self._damage,
             calibration_warnings=(*doubts.calibration_warnings, *rigs_in_force.remarks),
             withheld=doubts.withheld or None,
-            remarks=(*job.task.location.remarks, *doubts.remarks, *self._in_force.survey.transform_problems),
+            remarks=(
+                *job.task.location.remarks,
+                *doubts.remarks,
+                *self._in_force.survey.transform_problems,
+                *(f"{rig.name(sensor)}: {fewer}" for sensor, fewer in self._fewer.first.items()),
+            ),
             offsets_ns=tuple(stream.timing.offset_ns[sensor] for sensor in rig.sensors),
             clock_jumps=stream.clock_jumps,
             coverage=coverage,
