@@ -60,11 +60,11 @@ class FewerReturnsOfScans:
 
     scans: int = parameter(5, unit="scans, whose fewest are compared with the most of the next ones", source=_FEWER)
     most_apart_s: float = parameter(0.25, unit="s between two scans", source="scans at 5 Hz and more; by hand")
-    every: int = parameter(4, unit="points, of which one is counted", source="bounds the work; by hand")
+    every: int = parameter(8, unit="points, of which one is counted", source="bounds the work; by hand")
     sector_deg: int = parameter(45, unit="degrees, a sector", source=_FEWER)
     steps: int = parameter(3, unit="sectors that overlap a sector's width", source=_FEWER)
     ranges_m: tuple[float, ...] = parameter((10.0, 20.0, 40.0), unit="m between parts by range", source=_FEWER)
-    fewest: int = parameter(25, unit="counted points of a part", source=_FEWER)
+    fewest: int = parameter(12, unit="counted points of a part", source=_FEWER)
     least_share: float = parameter(0.01, unit="of all returns in a part", source=_FEWER)
     most_left: float = parameter(0.4, unit="of the returns of a part, at most", source=_FEWER)
     most_left_of_all: float = parameter(0.75, unit="of all returns, at most: 0.94 of clean scans", source=_FEWER)

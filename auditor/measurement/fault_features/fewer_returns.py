@@ -89,13 +89,14 @@ class FewerReturns:
 
 def counted_returns(xyz_m: Points) -> Integers:
     """(C,) the returns of a cloud (N, 3) in all, in sectors, in bands of beams, and by range; some of many."""
-    some_m = xyz_m[:: FEWER_RETURNS.every].astype(np.float64)
+    some_m = xyz_m[:: FEWER_RETURNS.every]
     x, y, z = some_m[np.isfinite(some_m).all(axis=1) & some_m.any(axis=1)].T
     across_m = np.hypot(x, y)
     azimuth, elevation = np.degrees(np.arctan2(y, x)) % _TURN, np.degrees(np.arctan2(z, across_m))
-    sectors = np.histogram(azimuth, np.arange(0, _TURN + _STEP_DEG, _STEP_DEG))[0]
-    bands = np.histogram(elevation, np.arange(-_UP, _UP + 1))[0]
-    ranges = np.histogram(np.hypot(across_m, z), (0.0, *FEWER_RETURNS.ranges_m, np.inf))[0]
+    sectors = np.bincount((azimuth / _STEP_DEG).astype(np.intp) % _SECTORS, minlength=_SECTORS)
+    bands = np.bincount((elevation + _UP).astype(np.intp), minlength=_BANDS + 1)[: _BANDS + 1]
+    by_range = np.digitize(np.hypot(across_m, z), FEWER_RETURNS.ranges_m)
+    ranges = np.bincount(by_range, minlength=len(FEWER_RETURNS.ranges_m) + 1)
     around = np.sum([np.roll(sectors, -shift) for shift in range(FEWER_RETURNS.steps)], axis=0)
     return np.concatenate([[x.size], around, bands[:-1] + bands[1:], ranges]).astype(np.int64)
 

@@ -16,8 +16,8 @@ COUNT, FROM = 30, 12
 def around(number: int) -> Points:
     """A scan all around, from 5 to 60 m, which differs from the next one."""
     random = np.random.default_rng(number)
-    azimuth, elevation = random.uniform(-np.pi, np.pi, 20_000), np.radians(random.uniform(-20, 10, 20_000))
-    away_m = random.uniform(5, 60, 20_000)
+    azimuth, elevation = random.uniform(-np.pi, np.pi, 60_000), np.radians(random.uniform(-20, 10, 60_000))
+    away_m = random.uniform(5, 60, 60_000)
     across = away_m * np.cos(elevation)
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), away_m * np.sin(elevation)], axis=1).astype(
         "f4"
@@ -70,7 +70,7 @@ def test_scans_count_until_the_returns_are_there_again():
 def test_what_goes_bit_by_bit_is_no_loss():
     fewer = FewerReturns()
     frames = (
-        Frame(n, n * PERIOD_NS, {}, PointCloud(n * PERIOD_NS, around(n)[: 20_000 - 300 * n]), {}) for n in range(1, 50)
+        Frame(n, n * PERIOD_NS, {}, PointCloud(n * PERIOD_NS, around(n)[: 60_000 - 900 * n]), {}) for n in range(1, 50)
     )
     assert len([*fewer.watch(frames)]) == 49
     assert (fewer.counts, fewer.first) == ({}, {})
