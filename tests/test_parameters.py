@@ -166,6 +166,7 @@ STRUCTURAL: Mapping[str, tuple[tuple[float, ...], str]] = {
     "measurement/disparity/half_resolution.py": ((8,), "sizes of images kept in memory"),
     "measurement/disparity/warping.py": ((0.5,), "the centre of a pixel"),
     "measurement/fault_features/collect.py": ((255,), "white"),
+    "measurement/fault_features/fewer_returns.py": ((360, 90, 100), "degrees of a turn and up to the zenith; per cent"),
     "measurement/fault_features/row_alignment.py": (
         (3, 10, 0.05, 15),
         "an axis; where the search for a corner ends; points of which a share says something",

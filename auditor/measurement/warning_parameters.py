@@ -63,11 +63,15 @@ class FewerReturnsOfScans:
     every: int = parameter(8, unit="points, of which one is counted", source="bounds the work; by hand")
     sector_deg: int = parameter(45, unit="degrees, a sector", source=_FEWER)
     steps: int = parameter(3, unit="sectors that overlap a sector's width", source=_FEWER)
-    ranges_m: tuple[float, ...] = parameter((10.0, 20.0, 40.0), unit="m between parts by range", source=_FEWER)
+    beyond_m: tuple[float, ...] = parameter(
+        (10.0, 20.0, 40.0), unit="m, beyond which returns are counted", source=_FEWER
+    )
     fewest: int = parameter(12, unit="counted points of a part", source=_FEWER)
     least_share: float = parameter(0.01, unit="of all returns in a part", source=_FEWER)
-    most_left: float = parameter(0.4, unit="of the returns of a part, at most", source=_FEWER)
-    most_left_of_all: float = parameter(0.75, unit="of all returns, at most: 0.94 of clean scans", source=_FEWER)
+    left_of_all: float = parameter(0.6, unit="of all returns, below which they are far fewer", source=_FEWER)
+    left_of_part: float = parameter(0.25, unit="of those of a sector or a band of beams", source=_FEWER)
+    left_beyond: float = parameter(0.1, unit="of those beyond a range, which walls cut off as well", source=_FEWER)
+    missing: float = parameter(0.5, unit="of a part's lost returns that all returns lack too", source=_FEWER)
     again: float = parameter(0.8, unit="of the returns of before, at which they are there again", source=BY_HAND)
 
 

@@ -21,10 +21,14 @@ _TURN, _UP = 360, 90
 _STEP_DEG = FEWER_RETURNS.sector_deg // FEWER_RETURNS.steps
 _SECTORS = _TURN // _STEP_DEG
 _BANDS = 2 * _UP - 1
+_LEFT = np.repeat(
+    [FEWER_RETURNS.left_of_all, FEWER_RETURNS.left_of_part, FEWER_RETURNS.left_beyond],
+    [1, _SECTORS + _BANDS, len(FEWER_RETURNS.beyond_m)],
+)
 
 
 class _Scan(NamedTuple):
-    """The stamp of a scan, and its returns in each cell (C,): of all, of sectors, of bands of beams, and by range."""
+    """The stamp of a scan, and its returns in each cell (C,), see `counted_returns`."""
 
     stamp_ns: int
     returns: Integers
@@ -88,27 +92,29 @@ class FewerReturns:
 
 
 def counted_returns(xyz_m: Points) -> Integers:
-    """(C,) the returns of a cloud (N, 3) in all, in sectors, in bands of beams, and by range; some of many."""
+    """(C,) the returns of a cloud (N, 3) in all, in sectors, in bands of beams, and beyond ranges; some of many."""
     some_m = xyz_m[:: FEWER_RETURNS.every]
     x, y, z = some_m[np.isfinite(some_m).all(axis=1) & some_m.any(axis=1)].T
     across_m = np.hypot(x, y)
     azimuth, elevation = np.degrees(np.arctan2(y, x)) % _TURN, np.degrees(np.arctan2(z, across_m))
     sectors = np.bincount((azimuth / _STEP_DEG).astype(np.intp) % _SECTORS, minlength=_SECTORS)
     bands = np.bincount((elevation + _UP).astype(np.intp), minlength=_BANDS + 1)[: _BANDS + 1]
-    by_range = np.digitize(np.hypot(across_m, z), FEWER_RETURNS.ranges_m)
-    ranges = np.bincount(by_range, minlength=len(FEWER_RETURNS.ranges_m) + 1)
+    away_m = np.hypot(across_m, z)
+    beyond = [np.count_nonzero(away_m > limit_m) for limit_m in FEWER_RETURNS.beyond_m]
     around = np.sum([np.roll(sectors, -shift) for shift in range(FEWER_RETURNS.steps)], axis=0)
-    return np.concatenate([[x.size], around, bands[:-1] + bands[1:], ranges]).astype(np.int64)
+    return np.concatenate([[x.size], around, bands[:-1] + bands[1:], beyond]).astype(np.int64)
 
 
 def _loss(scans: Iterable[_Scan]) -> _Loss | None:
-    """What the later half of some scans lost against the earlier one."""
+    """What the later half of some scans lost against the earlier one.
+
+    What only lies elsewhere, as a wall that comes nearer, is missing in no part of all.
+    """
     returns = np.stack([scan.returns for scan in scans]).astype(np.float64)
     before, after = returns[: FEWER_RETURNS.scans].min(axis=0), returns[FEWER_RETURNS.scans :].max(axis=0)
     enough = before >= max(FEWER_RETURNS.fewest, FEWER_RETURNS.least_share * before[0])
-    most = np.full(before.size, FEWER_RETURNS.most_left)
-    most[0] = FEWER_RETURNS.most_left_of_all
-    cells = np.asarray(enough & (after < most * before))
+    missing = float(np.median(returns[: FEWER_RETURNS.scans, 0]) - np.median(returns[FEWER_RETURNS.scans :, 0]))
+    cells = np.asarray(enough & (after < _LEFT * before) & (missing > FEWER_RETURNS.missing * (before - after)))
     if not cells.any():
         return None
     cells[0] &= not cells[1:].any()  # a part says more than all
@@ -117,17 +123,15 @@ def _loss(scans: Iterable[_Scan]) -> _Loss | None:
 
 
 def _where(cells: Mask) -> str:
-    """The cells in words; a part of which everything is lost says nothing."""
-    sectors, bands, ranges = np.split(cells[1:], [_SECTORS, _SECTORS + _BANDS])
-    if ranges.any() and not ranges.all():
-        return f"beyond {(0.0, *FEWER_RETURNS.ranges_m)[int(np.flatnonzero(ranges)[0])]:g} m"
+    """The cells in words."""
+    sectors, bands, beyond = np.split(cells[1:], [_SECTORS, _SECTORS + _BANDS])
+    if beyond.any():
+        return f"beyond {FEWER_RETURNS.beyond_m[int(beyond.argmax())]:g} m"
     if sectors.any() and not sectors.all():
         begins, ends = (np.flatnonzero(sectors & ~np.roll(sectors, shift)) for shift in (1, -1))
-        # The first and the last sector of several are lost but for a step.
-        first = int(begins[0]) + 1
-        width = int(((ends - begins[0]) % _SECTORS).min()) + FEWER_RETURNS.steps - 2
+        width = int(((ends - begins[0]) % _SECTORS).min()) + FEWER_RETURNS.steps
         more = " and elsewhere" if begins.size > 1 else ""
-        from_deg, to_deg = (place * _STEP_DEG % _TURN for place in (first, first + max(width, 1)))
+        from_deg, to_deg = (place * _STEP_DEG % _TURN for place in (int(begins[0]), int(begins[0]) + width))
         return f"from about {from_deg} to {to_deg} degrees, counted from ahead to the left{more}"
     if bands.any():
         lowest, highest = np.flatnonzero(bands)[[0, -1]]
