@@ -182,9 +182,11 @@ def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, 
     own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
     gone = absent.union(attacked)
     columns = system.counting(gone).tolist() if attacked else system.detecting(gone).tolist()
+    others = [(float(z[c]), system.sensor_checks[c]) for c in columns if z[c] > limit]
     if LIDAR not in attacked:  # light on a camera is no conflict of the LiDAR, whoever votes
-        columns += [c for c in system.counting(absent).tolist() if system.sensor_checks[c].sensor == LIDAR]
-    others = [(float(z[c]), system.sensor_checks[c]) for c in dict.fromkeys(columns) if z[c] > limit]
+        of_lidar = [c for c in system.counting(absent).tolist() if system.sensor_checks[c].sensor == LIDAR]
+        clear = [c for c in of_lidar if z[c] > limit + NAMING.beside_lit and c not in columns]
+        others += [(float(z[c]), system.sensor_checks[c]) for c in clear]
     if not attacked:
         return _Explanation((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
     unshown = set(attacked) - {one.sensor for value, one in own if value > limit}

@@ -262,6 +262,11 @@ class Naming:
         unit="z that unmatched light by all cameras but one exceeds the limit by",
         source="480 clean frames of streets 7000 to 7059: 0 to 4 tried (docs/decisions.md)",
     )
+    beside_lit: float = parameter(
+        2.0,
+        unit="z by which checks of the LiDAR that a lit camera votes on exceed the limit, to count beside its light",
+        source="1,860 faculas and 180 walls beside one on three real drives (docs/decisions.md)",
+    )
     most_unmatched: float = parameter(
         0.42,
         unit="share of points that a lone camera's past does not show apart from conflicts, beyond which none names",
