@@ -111,13 +111,6 @@ def test_a_drive_narrows_what_is_expected_of_any_other_not_at_all_and_each_furth
     assert many < four < two < one
 
 
-def test_one_quiet_drive_lowers_no_mean_and_two_do():
-    means = [expected(PRIOR, [drive(-2.8, seed=n) for n in range(D)]).mean for D in (1, 2)]
-    assert means[0] == PRIOR.mean, "thresholds of one quiet drive raised the louder frames of others"
-    assert means[1] < PRIOR.mean - 0.4
-    assert expected(PRIOR, [drive(-2.8)], believed=True).mean < PRIOR.mean - 0.4, "of faults there is no such bound"
-
-
 def test_frames_that_are_all_the_same_narrow_the_deviation_within_to_so_much_at_most():
     found = expected(PRIOR, [drive(-2.0, within=0.0)] * 50)
     assert found.within == pytest.approx(PRIOR.tail * HIERARCHY.narrowest * PRIOR.within)
