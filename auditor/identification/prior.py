@@ -112,7 +112,8 @@ def expected(prior: Prior, drives: Sequence[Floats], *, believed: bool = False) 
     """What is expected after these drives, the values (F,) of each in the order of time, NaN where not measured.
 
     One drive moves the mean no further than what the prior holds likely, more drives that agree further: what one
-    drive alone shows may be an attack, what many show belongs to the rig. One narrows the deviation of any drive not
+    drive alone shows may be an attack, what many show belongs to the rig. One drive alone lowers no mean: a road that
+    shows less than others do says little about them. One narrows the deviation of any drive not
     at all, and many do not without end: usual frames say little about rare ones, and usual roads about rare roads.
     Where drives are `believed` there are no such bounds: nobody attacks by a fault.
     """
@@ -136,6 +137,8 @@ def expected_after(prior: Prior, drives: Drives, *, believed: bool = False) -> N
     weights = 1 / (prior.between**2 + within / seen.worth)
     weight = HIERARCHY.rig_kind / prior.between**2
     mean = (weight * prior.mean + float(weights @ means)) / (weight + float(weights.sum()))
+    if D == 1 and not believed:
+        mean = max(mean, prior.mean)
     beyond = _sum(np.maximum((means - mean) ** 2 - within / seen.worth, 0.0))
     between = (HIERARCHY.prior_drives * prior.between**2 + beyond) / (HIERARCHY.prior_drives + D)
     between *= 1 + 1 / (HIERARCHY.rig_kind + D)

@@ -30,7 +30,7 @@ APART = 12
 """Frames attacked in one copy lie so far apart that no verdict depends on two of them, and no incident."""
 
 _HARDLY_EVER = 10**6
-"""Of the recording that gives thresholds the clean frames are needed alone."""
+"""Of recordings that give thresholds the clean frames are needed alone."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +67,19 @@ class _Case:
 def compare(
     folder: Path,
     clean: Path,
-    others: Path,
+    others: Sequence[Path],
     experiments: Sequence[Experiment],
     *,
     every: int,
     patterns: tuple[Path, ...],
 ) -> Iterator[Compared]:
-    """Every attacked frame of a clean recording, by thresholds of another one.
+    """Every attacked frame of a clean recording, by thresholds of others.
 
     Cases of the experiments are taken, which `evaluate` tries: of each `every`-th frame. Those that are not judged by
     all sensors are left out: that is how a scan judges.
     """
     store = folder / "evaluated"
-    for path, attack_every in ((clean, every), (others, _HARDLY_EVER)):
+    for path, attack_every in ((clean, every), *((other, _HARDLY_EVER) for other in others)):
         task = EvaluateTask(RecordingSource(path), store, attack_every=attack_every, patterns=patterns)
         evaluate_source(task, lambda *_: None)
     judge_cases(Store.open(store))
@@ -88,8 +88,8 @@ def compare(
         evaluated = _evaluated(Store.open(store), drive.recording_id, rig)
         seed = int(drive.recording_id[:8], 16)
     scans = folder / "scanned"
-    known = measure_recording(MeasureTask(others, scans), lambda *_: None).measurement_ids[0]
-    calibration = calibrate([(Store.open(scans), known)])
+    known = [measure_recording(MeasureTask(other, scans), lambda *_: None).measurement_ids[0] for other in others]
+    calibration = calibrate([(Store.open(scans), measurement) for measurement in known])
     judged: dict[str, list[_Case]] = {}
     for number, everything in enumerate(_copies(frames, rig, seed, experiments, every)):
         copy = [case for case in everything if case.key in evaluated]
@@ -235,12 +235,14 @@ def halved(rig, frames):
 
 def test_an_evaluation_and_a_scan_say_the_same_of_every_kind_of_attack(tmp_path, few_attacks):
     paths = []
-    for number in ("0009", "0001"):
+    for number, first in (("0009", 0), ("0001", 0), ("0001", 8)):
         rig, stream = frames(number, colour=True)
-        paths.append(tmp_path / f"{number}.mcap")
-        write_mcap(paths[-1], *halved(rig, islice(stream, FRAMES)), image="raw")
-    found = list(compare(tmp_path, *paths, few_attacks, every=1, patterns=()))
+        paths.append(tmp_path / f"{number} from {first}.mcap")
+        write_mcap(paths[-1], *halved(rig, islice(stream, first, first + FRAMES)), image="raw")
+    clean, *others = paths
+    found = list(compare(tmp_path, clean, others, few_attacks, every=1, patterns=()))
     assert [one for one in found if not same(one.evaluated, one.scanned)] == []
     assert {one.experiment for one in found} == {"combinations", "further", "intervals", "patterns"}
-    assert {one.evaluated.kind for one in found} >= {"attacked", "suspect"}
+    assert {one.evaluated.kind for one in found} >= {"attacked", "clean"}
+    assert any(one.evaluated.causes for one in found)
     assert {one.evaluated.finding for one in found} >= {"attacked", None}
