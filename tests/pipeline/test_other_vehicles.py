@@ -120,7 +120,7 @@ def test_a_lidar_of_half_the_rings_is_another_one_and_nobody_accuses_it(audit) -
     rows = run_sql(store, sql).to_pylist()
     usual, sparser = ([row for row in rows if row["other_lidar"] is other] for other in (False, True))
     assert {row["samples"] for row in (*usual, *sparser)} == {FRAMES}
-    assert all(1.0 < after["mean"] - before["mean"] < 1.6 for before, after in zip(usual, sparser, strict=True))
+    assert all(0.8 < after["mean"] - before["mean"] < 1.6 for before, after in zip(usual, sparser, strict=True))
 
 
 def test_the_same_vehicle_has_no_mark_and_the_calibrated_recording_is_in_sample(audit) -> None:
