@@ -51,7 +51,7 @@ class GeometryFit:
     sides_better_by: float = parameter(0.25, unit="share of the sides' points by which a lens fits", source=_LENSES)
 
 
-_FEWER = "drives 0009, 0001 and 04, whole, thinned and of 16 beams, and the demo's: 0.6 is left of any part at least"
+_FEWER = "drives 0009, 0001, 04, whole, thinned, of 16 beams, and 10 streets: 0.75 of any sector is left at least"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class FewerReturnsOfScans:
     scans: int = parameter(5, unit="scans, whose fewest are compared with the most of the next ones", source=_FEWER)
     most_apart_s: float = parameter(0.25, unit="s between two scans", source="scans at 5 Hz and more; by hand")
     every: int = parameter(8, unit="points, of which one is counted", source="bounds the work; by hand")
-    sector_deg: int = parameter(45, unit="degrees, a sector", source=_FEWER)
+    sector_deg: int = parameter(12, unit="degrees, a sector", source=_FEWER)
     steps: int = parameter(3, unit="sectors that overlap a sector's width", source=_FEWER)
     beyond_m: tuple[float, ...] = parameter(
         (10.0, 20.0, 40.0), unit="m, beyond which returns are counted", source=_FEWER

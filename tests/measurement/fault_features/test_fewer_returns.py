@@ -48,13 +48,14 @@ def watched(lost, *, numbers=range(FROM, COUNT), period_ns=PERIOD_NS, count=COUN
 @pytest.mark.parametrize(
     ("lost", "where"),
     [
-        (lambda p: (azimuth_deg(p) > 90) & (azimuth_deg(p) < 270), "from about 90 to 270 degrees"),
-        (lambda p: (azimuth_deg(p) > 315) | (azimuth_deg(p) < 60), "from about 315 to 60 degrees"),
+        (lambda p: (azimuth_deg(p) > 90) & (azimuth_deg(p) < 270), "from about 88 to 272 degrees"),
+        (lambda p: (azimuth_deg(p) > 315) | (azimuth_deg(p) < 60), "from about 316 to 60 degrees"),
+        (lambda p: np.abs(azimuth_deg(p) - 6) < 7.5, "from about 0 to 12 degrees"),
         (lambda p: np.arange(len(p)) % 2 == 0, "left in all"),
         (lambda p: np.linalg.norm(p, axis=1) > 20, "beyond 20 m"),
         (lambda p: np.abs(elevation_deg(p) + 3) < 1, "-4 to -2 degrees above the horizon"),
     ],
-    ids=["behind", "ahead", "half of all", "far away", "a band of beams"],
+    ids=["behind", "ahead", "a narrow sector", "half of all", "far away", "a band of beams"],
 )
 def test_what_vanishes_at_once_is_counted_from_its_first_scan_on_and_told(lost, where):
     fewer = watched(lost)
@@ -76,8 +77,8 @@ def test_what_goes_bit_by_bit_is_no_loss():
     assert (fewer.counts, fewer.first) == ({}, {})
 
 
-def test_a_car_that_covers_a_narrow_sector_and_a_few_lost_scans_are_no_loss():
-    assert watched(lambda p: np.abs(azimuth_deg(p) - 80) < 10).counts == {}
+def test_dark_paint_in_a_sector_and_a_few_lost_scans_are_no_loss():
+    assert watched(lambda p: (np.abs(azimuth_deg(p) - 80) < 10) & (np.arange(len(p)) % 3 > 0)).counts == {}
     assert watched(lambda p: p[:, 0] < 0, numbers=range(FROM, FROM + FEWER_RETURNS.scans - 1)).counts == {}
 
 
