@@ -272,7 +272,8 @@ class _Judge:
             return []
         seconds = seconds_of(windows, self._series.stamps_ns)
         thresholds = thresholds_of(self.thresholds, self._system.judged_together, seconds)
-        judge = _Judge(series_of(self._series, windows), self._system, thresholds, without_causes=self._without_causes)
+        new = replace(self._series, statistics=_of_new_data(self._series, self._system))
+        judge = _Judge(series_of(new, windows), self._system, thresholds, without_causes=self._without_causes)
         return lasting_events(windows, self._series.runs, judge.beyond, judge.accusing())
 
     @cached_property
@@ -353,6 +354,14 @@ def _doubted(verdict: Verdict, unmatched: float) -> Verdict:
         return verdict
     alternatives = (Alternative(verdict.attacked, 0.0), *verdict.alternatives)
     return replace(verdict, kind=VerdictKind.UNIDENTIFIED, attacked=(), alternatives=alternatives, reason=_FIT_NOWHERE)
+
+
+def _of_new_data(series: FrameSeries, system: System) -> Floats:
+    """The statistics (F, M), NaN where a check compares a sensor that repeats its data: half a window has no others."""
+    if not series.frozen.any():
+        return series.statistics
+    compares = [[sensor in (check.sensor, *check.others) for sensor in system.sensors] for check in system.sensor_checks]
+    return np.asarray(np.where(series.frozen @ np.array(compares).T, np.nan, series.statistics))
 
 
 def _fault_hypotheses(series: FrameSeries, thresholds: RobustThresholds) -> Sequence[tuple[FaultHypothesis, ...]]:

@@ -80,6 +80,21 @@ def test_a_sequence_of_two_cameras_without_times_and_lidar_is_read(sequence: Pat
     assert stamps == [n * 10**8 for n in range(5)]
 
 
+def test_the_colour_pictures_alone_have_their_place_beside_the_lidar(sequence: Path) -> None:
+    with open_recording(sequence) as recording:
+        [whole] = find_rigs(survey(recording))
+    for name in ("image_0", "image_1"):
+        shutil.rmtree(sequence / name)
+    with open_recording(sequence) as recording:
+        rig, *_ = find_rigs(survey(recording))
+    assert [camera.name for camera in rig.cameras] == ["camera_color_right", "camera_color_left"]
+    leftmost = whole.cameras[-1]
+    assert leftmost.name == "camera_color_left"
+    assert rig.lidar
+    assert whole.lidar
+    assert np.allclose(rig.lidar.rig_SE3_lidar, whole.lidar.rig_SE3_lidar)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

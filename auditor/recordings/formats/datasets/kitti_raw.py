@@ -37,7 +37,7 @@ class KittiCalibration(NamedTuple):
     cam0_SE3_lidar: Matrix | None
 
     def transforms(self) -> list[dict[str, object]]:
-        """The places of every camera and of the LiDAR, all in the frame of rectified camera 0."""
+        """The places of cameras and LiDAR in the frame of rectified camera 0, whether or not it has pictures."""
         children = {
             CAMERAS[number]: motion(np.eye(3), camera_centre(camera["P_rect"].reshape(3, 4)))
             for number, camera in self.cameras.items()
@@ -45,8 +45,6 @@ class KittiCalibration(NamedTuple):
         parent = CAMERAS["00"]
         if self.cam0_SE3_lidar is not None:
             children[LIDAR_FRAME] = self.cam0_SE3_lidar
-        if parent not in children:
-            return []
         return [
             {"parent": parent, "child": child, "parent_SE3_child": matrix.tolist()}
             for child, matrix in children.items()
