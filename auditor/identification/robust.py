@@ -360,7 +360,8 @@ def _of_new_data(series: FrameSeries, system: System) -> Floats:
     """The statistics (F, M), NaN where a check compares a sensor that repeats its data: half a window has no others."""
     if not series.frozen.any():
         return series.statistics
-    compares = [[sensor in (check.sensor, *check.others) for sensor in system.sensors] for check in system.sensor_checks]
+    of_checks = [(check.sensor, *check.others) for check in system.sensor_checks]
+    compares = [[sensor in of_check for sensor in system.sensors] for of_check in of_checks]
     return np.asarray(np.where(series.frozen @ np.array(compares).T, np.nan, series.statistics))
 
 

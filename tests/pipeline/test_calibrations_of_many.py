@@ -10,8 +10,9 @@ import pytest
 
 from auditor.errors import StoreError
 from auditor.model.measurement import Statistic
+from auditor.model.rig_kind import ComparedTo
 from auditor.pipeline.calibrations import making
-from auditor.pipeline.calibrations.clean import choose_clean
+from auditor.pipeline.calibrations.clean import CleanMeasurements, choose_clean
 from auditor.pipeline.calibrations.making import make
 from auditor.pipeline.calibrations.versions import CalibrationEntry, keep_calibrated
 from auditor.pipeline.clean_frames import clean_frames_of
@@ -132,3 +133,21 @@ def test_what_changed_between_the_readings_is_refused(
     with pytest.raises(StoreError, match="its id is not that of its content"):
         keep_calibrated(store, made)
     assert store.ids("calibrations") == []
+
+
+@pytest.mark.parametrize(
+    ("compared_to", "left"),
+    [
+        ([ComparedTo.CAMERAS, ComparedTo.PAST, ComparedTo.PAST], [0]),
+        ([ComparedTo.PAST, ComparedTo.SCANS], [0, 1]),
+        ([ComparedTo.CAMERAS, ComparedTo.PAST, ComparedTo.LIDARS], [0, 2]),
+    ],
+)
+def test_pasts_are_left_out_of_a_file_only_beside_cameras_that_are_compared(
+    monkeypatch: pytest.MonkeyPatch, compared_to: list[ComparedTo], left: list[int]
+) -> None:
+    groups = [CleanMeasurements((), ()) for _ in compared_to]
+    of_group = {id(group): to for group, to in zip(groups, compared_to, strict=True)}
+    monkeypatch.setattr(making, "_compared_to", lambda group: of_group[id(group)])
+    kept = {id(group) for group in making.without_pasts(groups)}
+    assert kept == {id(groups[place]) for place in left}

@@ -186,7 +186,8 @@ def _kinds_of(scan: "Scan") -> "list[RigKind]":
             with suppress(AuditorError):
                 of_rigs = run_within(batch.limits(task.location), kinds_of_rigs, task.location, task.rig)
         kinds += (one for one in of_rigs if not any(one.matches(known) for known in kinds))
-    return [one for one in kinds if one.compared_to is not ComparedTo.PAST] or kinds
+    cameras = any(one.compared_to is ComparedTo.CAMERAS for one in kinds)
+    return [one for one in kinds if not (cameras and one.compared_to is ComparedTo.PAST)]
 
 
 def _refuse_kinds(kinds: "Sequence[RigKind]", told_as: str) -> None:

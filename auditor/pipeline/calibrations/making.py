@@ -213,17 +213,20 @@ def make_each(
         try:
             yield make(group, r, frames, recount=recount, jobs=jobs)
         except NothingMeasuredError:
-            if len(groups) == 1 or not _is_of_pasts(group):
+            if len(groups) == 1 or _compared_to(group) is not ComparedTo.PAST:
                 raise
 
 
 def without_pasts(groups: Sequence[CleanMeasurements]) -> list[CleanMeasurements]:
-    """Those that are not of cameras' pasts; all where there are no others."""
-    return [group for group in groups if not _is_of_pasts(group)] or [*groups]
+    """Those that are not of cameras' pasts, where cameras are compared with each other; else all."""
+    compared = [_compared_to(group) for group in groups]
+    if ComparedTo.CAMERAS not in compared:
+        return [*groups]
+    return [group for group, to in zip(groups, compared, strict=True) if to is not ComparedTo.PAST]
 
 
-def _is_of_pasts(clean: CleanMeasurements) -> bool:
-    return any(_kind_and_procedure(*one)[0].compared_to is ComparedTo.PAST for one in clean.chosen[:1])
+def _compared_to(clean: CleanMeasurements) -> ComparedTo | None:
+    return next((_kind_and_procedure(*one)[0].compared_to for one in clean.chosen[:1]), None)
 
 
 def by_kind(clean: CleanMeasurements) -> list[CleanMeasurements]:
