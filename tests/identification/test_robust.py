@@ -189,6 +189,11 @@ def test_a_sensor_with_frozen_data_is_a_finding_with_its_cause_and_is_left_out()
     assert verdicts[4].kind is VerdictKind.CLEAN, "the first of equal frames repeats nothing yet"
 
 
+def test_what_a_sensor_repeated_is_no_weak_evidence_of_the_frames_behind():
+    verdicts = judge(range(2, 14), 2, frozen=range(1, 14), z=9.0)
+    assert [f for f, v in enumerate(verdicts) if v.finding and f >= 14] == []
+
+
 def test_a_frozen_sensor_has_no_other_cause_and_the_others_keep_theirs():
     late = [(Cause.LATE, 1), (Cause.LATE, 2)]
     series = replace(series_of(frozen=range(4, 14)), fault_scores={cause: np.full(FRAMES, 2.0) for cause in late})
