@@ -30,7 +30,7 @@ from auditor.model.arrays import Floats, Integers
 from auditor.model.calibration import NullDistribution, RobustThresholds
 from auditor.model.checks import SensorCheck
 from auditor.model.stamps import NANOSECONDS
-from auditor.model.verdict import Verdict, VerdictKind
+from auditor.model.verdict import FINDINGS, Verdict, VerdictKind
 
 _AT_ONCE = 512
 """Windows whose values are in memory at once."""
@@ -248,15 +248,36 @@ class HeldEvent:
 def held_of(
     event: Event, verdicts: Mapping[int, Verdict], evidence: FrameEvidence, sensors: Sequence[int], limit: float
 ) -> HeldEvent:
-    """An event of single frames, with what they are held for; a course needs evidence beyond the `limit`."""
+    """An event of single frames, with what they are held for; a course needs evidence beyond the `limit`.
+
+    A frame at an end of an incident that says itself of other sensors alone, or of none, with no other beside it, is no
+    part of it.
+    """
     added = evidence.added[list(event.frames)].tolist()
     own = [verdicts[place] for place in event.frames]
     if event.alert:
         names = [(verdict.kind, verdict.attacked) for verdict in own]
     else:
         names = names_of(own, added, courses([verdict.attacked for verdict in own], event, evidence, sensors, limit))
-    held = (HeldFrame(*pair) for pair in zip(names, added, strict=True))
-    return HeldEvent(dict(zip(event.frames, held, strict=True)), event.alert)
+    held = dict(zip(event.frames, (HeldFrame(*pair) for pair in zip(names, added, strict=True)), strict=True))
+    return HeldEvent(held if event.alert else _of_own_ends(held, verdicts), event.alert)
+
+
+def _of_own_ends(held: Mapping[int, HeldFrame], verdicts: Mapping[int, Verdict]) -> dict[int, HeldFrame]:
+    """The frames of an incident from the first to the last that speaks for it, or has another one beside it."""
+    places = list(held)
+    inner = [
+        at
+        for at, place in enumerate(places)
+        if _speaks_for(verdicts[place], held[place]) or {place - 1, place + 1}.intersection(held)
+    ]
+    return {place: held[place] for place in places[inner[0] : inner[-1] + 1]} if inner else dict(held)
+
+
+def _speaks_for(verdict: Verdict, frame: HeldFrame) -> bool:
+    """Whether a frame says itself that one of the sensors is attacked that it is held for, or that it cannot tell."""
+    attacked = set(frame.held_for[1])
+    return verdict.kind in FINDINGS and not (verdict.attacked and attacked and attacked.isdisjoint(verdict.attacked))
 
 
 def with_lasting(of_frames: Sequence[HeldEvent], lasting: Sequence[LastingEvent]) -> list[HeldEvent]:
