@@ -79,6 +79,9 @@ class Stretches:
     fewest_frames: int = parameter(9, unit="frames of a window, however slow the camera", source=BY_HAND)
     within: float = parameter(0.6, unit="of a frame's deviation within drives", source=_WINDOWS)
     tail: float = parameter(1.15, unit="times the deviation of a median", source=_WINDOWS)
+    reaches: float = parameter(
+        0.5, unit="of a window's z in the half at its run's end, where an event reaches it", source=BY_HAND
+    )
 
 
 @dataclass(frozen=True)

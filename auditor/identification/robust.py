@@ -18,12 +18,14 @@ from functools import cached_property
 import numpy as np
 
 from auditor.identification.causes import Nearby, bounds_nearby, scatters, seen_of
-from auditor.identification.evidence_parameters import INCIDENTS
+from auditor.identification.evidence_parameters import INCIDENTS, STRETCHES
 from auditor.identification.faults import OF_DETAIL, fault_hypotheses, is_finding, weigh, z_of
 from auditor.identification.incidents.events import (
     LastingEvent,
+    Windows,
     held_of,
     lasting_events,
+    outer_halves,
     seconds_of,
     series_of,
     thresholds_of,
@@ -273,8 +275,15 @@ class _Judge:
         seconds = seconds_of(windows, self._series.stamps_ns)
         thresholds = thresholds_of(self.thresholds, self._system.judged_together, seconds)
         new = replace(self._series, statistics=_of_new_data(self._series, self._system))
-        judge = _Judge(series_of(new, windows), self._system, thresholds, without_causes=self._without_causes)
-        return lasting_events(windows, self._series.runs, judge.beyond, judge.accusing())
+
+        def judged(parts: Windows) -> _Judge:
+            return _Judge(series_of(new, parts), self._system, thresholds, without_causes=self._without_causes)
+
+        whole, (halves, of_halves) = judged(windows), outer_halves(windows, self._series.runs)
+        z = whole.beyond + thresholds.limit
+        of_half = (judged(of_halves).beyond + thresholds.limit).tolist()
+        reached = {one for one, own in zip(halves, of_half, strict=True) if own >= STRETCHES.reaches * z[one.window]}
+        return lasting_events(windows, whole.beyond, whole.accusing(), reached)
 
     @cached_property
     def beyond(self) -> Floats:

@@ -11,6 +11,7 @@ from auditor.identification.incidents.events import (
     LastingEvent,
     lasting_events,
     of_stretch,
+    outer_halves,
     series_of,
     windows_of,
     with_lasting,
@@ -62,12 +63,13 @@ def test_what_is_expected_of_a_stretch_is_narrower_than_of_a_frame():
     assert of_stretch(light, frame).mean == frame.mean
 
 
-def lasting(verdicts, explained=(), frames=60):
+def lasting(verdicts, explained=(), frames=60, reached=None):
     runs = np.zeros(frames, dtype=np.int64)
     windows = windows_of(stamps(frames), runs)
     beyond = np.full(len(windows.first), -1.0)
     beyond[[*verdicts, *explained]] = 1.0
-    return lasting_events(windows, runs, beyond, {place: Verdict(*verdict) for place, verdict in verdicts.items()})
+    edges = outer_halves(windows, runs)[0] if reached is None else reached
+    return lasting_events(windows, beyond, {place: Verdict(*verdict) for place, verdict in verdicts.items()}, edges)
 
 
 def test_an_event_goes_from_the_middle_of_its_first_window_to_that_of_its_last():
@@ -78,6 +80,19 @@ def test_an_event_goes_from_the_middle_of_its_first_window_to_that_of_its_last()
 def test_what_is_in_all_windows_holds_for_all_frames():
     [event] = lasting(dict.fromkeys(range(49), (ATTACKED, "-", (2,))))
     assert event.frames == tuple(range(60))
+
+
+def test_an_event_reaches_the_ends_of_a_run_only_where_the_halves_there_show_it():
+    every = dict.fromkeys(range(49), (ATTACKED, "-", (2,)))
+    [event] = lasting(every, reached=())
+    assert (event.frames[0], event.frames[-1]) == (6, 54)
+
+
+def test_the_halves_of_windows_lie_at_the_ends_of_runs():
+    runs = np.repeat([0, 1], [20, 12])
+    halves, parts = outer_halves(windows_of(stamps(32), runs), runs)
+    assert halves == [(0, False), (9, False), (8, True), (9, True)]
+    assert list(zip(parts.first.tolist(), parts.end.tolist(), strict=True)) == [(0, 6), (20, 26), (14, 20), (26, 32)]
 
 
 def test_windows_that_name_no_sensor_belong_to_those_around_them():

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -135,22 +136,43 @@ def of_stretch(check: SensorCheck, usual: NullDistribution) -> NullDistribution:
     return replace(usual, deviation=STRETCHES.tail * deviation / prior_of_check(check).tail)
 
 
+class OuterHalf(NamedTuple):
+    """The half of a window, by its place, that lies at the beginning of its run, or at the end."""
+
+    window: int
+    at_end: bool
+
+
+def outer_halves(windows: Windows, runs: Integers) -> tuple[list[OuterHalf], Windows]:
+    """The halves of windows with which the runs (F,) begin and end, and their frames as windows."""
+    begins = np.isin(windows.first, [run.start for run in places_of(runs)])
+    ends = np.isin(windows.end, [run.stop for run in places_of(runs)])
+    halves = [
+        OuterHalf(place, at_end)
+        for at_end in (False, True)
+        for place in np.flatnonzero([begins, ends][at_end]).tolist()
+    ]
+    first = [windows.middle[place] if at_end else windows.first[place] for place, at_end in halves]
+    end = [windows.end[place] if at_end else windows.middle[place] for place, at_end in halves]
+    return halves, Windows(np.array(first, dtype=np.int64), np.array(end, dtype=np.int64))
+
+
 def lasting_events(
-    windows: Windows, runs: Integers, beyond: Floats, verdicts: Mapping[int, Verdict]
+    windows: Windows, beyond: Floats, verdicts: Mapping[int, Verdict], reached: Collection[OuterHalf]
 ) -> list[LastingEvent]:
     """The events of windows that are findings, in the order of time.
 
     `beyond` (W,) is by how much z each window exceeds the limit, and `verdicts` are those that say attacked or
     unidentified, by place. Of windows that overlap at least half have to: where a fault explains most of them, one that
     it does not quite explain is no attack. An event goes from the middle of its first window to that of its last, or to
-    the end of the run where there the windows end. Where windows that follow one another name other sensors, they are
-    events of their own.
+    the run's ends where it `reached` those halves of them. Where windows that follow one another name other sensors,
+    they are events of their own.
     """
     events: list[LastingEvent] = []
     for group in _close_by(windows, np.flatnonzero(beyond > 0).tolist()):
         accusing = [place for place in group if place in verdicts]
         if 2 * len(accusing) >= len(group):
-            events += _of_group(windows, runs, accusing, beyond, verdicts)
+            events += _of_group(windows, accusing, beyond, verdicts, reached)
     return events
 
 
@@ -167,7 +189,11 @@ def _close_by(windows: Windows, places: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _of_group(
-    windows: Windows, runs: Integers, group: Sequence[int], beyond: Floats, verdicts: Mapping[int, Verdict]
+    windows: Windows,
+    group: Sequence[int],
+    beyond: Floats,
+    verdicts: Mapping[int, Verdict],
+    reached: Collection[OuterHalf],
 ) -> Iterator[LastingEvent]:
     names = _most_named([verdicts[place].attacked for place in group])
     for attacked, members in groupby(zip(names, group, strict=True), key=lambda pair: pair[0]):
@@ -175,7 +201,7 @@ def _of_group(
         kind = VerdictKind.ATTACKED if attacked else VerdictKind.UNIDENTIFIED
         strength = float(beyond[places].max())
         half = int(windows.end[places[0]] - windows.first[places[0]]) // 2
-        yield LastingEvent(_frames(windows, runs, places[0], places[-1]), kind, attacked, strength, half)
+        yield LastingEvent(_frames(windows, places[0], places[-1], reached), kind, attacked, strength, half)
 
 
 def _most_named(attacked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
@@ -198,12 +224,12 @@ def _most_named(attacked: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     return names
 
 
-def _frames(windows: Windows, runs: Integers, first: int, last: int) -> tuple[int, ...]:
-    """The frames from the middle of a window to that of another; to the run's ends where no windows lie beyond."""
-    middle, begin, end = windows.middle, int(windows.first[first]), int(windows.end[last])
-    begins = begin == 0 or runs[begin] != runs[begin - 1]
-    ends = end == len(runs) or runs[end] != runs[end - 1]
-    return tuple(range(begin if begins else int(middle[first]), end if ends else int(middle[last]) + 1))
+def _frames(windows: Windows, first: int, last: int, reached: Collection[OuterHalf]) -> tuple[int, ...]:
+    """The frames from the middle of a window to that of another; to the ends of those that are `reached`."""
+    middle = windows.middle
+    begin = windows.first[first] if OuterHalf(first, at_end=False) in reached else middle[first]
+    end = windows.end[last] if OuterHalf(last, at_end=True) in reached else middle[last] + 1
+    return tuple(range(int(begin), int(end)))
 
 
 def seconds_of(windows: Windows, stamps_ns: Integers) -> float:
