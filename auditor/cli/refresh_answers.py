@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from auditor.store.versions.decisions import Decision, Refresh
     from auditor.store.versions.drift import FleetDrift, SensorDrift
+    from auditor.store.versions.records import UsedRecording
 
 
 _DRIFT = "auditor_drift_"
@@ -109,7 +110,7 @@ def json_line(refresh: "Refresh") -> str:
         "dry_run": refresh.dry_run,
         "measured": len(refresh.measured),
         "failed": [vars(one) for one in refresh.failed],
-        "found": [vars(one) for one in refresh.found],
+        "found": [_used(one) for one in refresh.found],
         **({"planned": [vars(one) for one in refresh.planned]} if refresh.dry_run else {}),
         "rig_kinds": [_rig_kind(one, refresh.store) for one in refresh.decisions],
     }
@@ -140,15 +141,25 @@ def _rig_kind(decision: "Decision", store: "Path") -> dict[str, object]:
         "largest_rise": max((rise.deviations for rise in decision.rises), default=None),
         "creep": decision.creep,
         "to_do": [step._asdict() for step in next_steps(decision, store)],
-        "look_at": [{"recording": used.name, "reason": used.reason} for used in decision.look_at],
-        "left_out": [{"recording": used.name, "reason": used.reason} for used in decision.left_out],
+        "look_at": [_used(one) for one in decision.look_at],
+        "left_out": [_used(one) for one in decision.left_out],
+    }
+
+
+def _used(used: "UsedRecording") -> dict[str, str | None]:
+    return {
+        "recording": used.name,
+        "recording_id": used.recording_id,
+        "vehicle": used.vehicle,
+        "day": used.day.isoformat() if used.day else None,
+        "reason": used.reason,
     }
 
 
 def left_out_lines(decision: "Decision") -> Iterator[str]:
     """One line for each recording that is not learnt from, with its reason; of very many the first."""
     for used in decision.left_out[:_MOST_LEFT_OUT]:
-        yield f"left out: {used.name}: {used.reason}"
+        yield f"left out: {used.called}: {used.reason}"
     more = len(decision.left_out) - _MOST_LEFT_OUT
     if more > 0:
         yield f"left out: {more} more recordings, which the line of JSON names"

@@ -189,7 +189,7 @@ def test_what_waits_and_is_named_clean_without_a_look_keeps_its_reason(refreshed
     assert audit("refresh", other.folder, "--clean").code == 4
     assert audit("calibration", "quarantine", "--format", "json").rows == before
     left_out = [line for line in audit("refresh", other.folder).err.splitlines() if "left out: attacked" in line]
-    assert [line.partition(".mcap: ")[2] for line in left_out] == [row["reason"] for row in before]
+    assert [line.partition("): ")[2] for line in left_out] == [row["reason"] for row in before]
 
 
 def test_thresholds_that_rise_far_at_once_are_held_until_a_person_promotes_them(refreshed, audit_of, monkeypatch):
@@ -505,8 +505,8 @@ def test_attacked_recordings_are_named_with_their_reason_and_the_night_ends_with
     reasons = {one["recording"]: one["reason"] for one in kind["left_out"]}
     assert reasons["short.mcap"].startswith("12 frames, fewer than 20; ")
     assert {"short.mcap", "told.mcap"} <= {one["recording"] for one in kind["look_at"]}
-    assert "left out: short.mcap: 12 frames, fewer than 20" in answer.err
-    assert "told.mcap: to be looked at: raised by" in answer.err
+    assert "left out: short.mcap (car1, 2026-03-10): 12 frames, fewer than 20" in answer.err
+    assert "told.mcap (car2, 2026-03-10): to be looked at: raised by" in answer.err
     assert audit("refresh").code == 0, "the next night has nothing new, and the list of those that wait has them"
     assert {"short.mcap", "told.mcap"} <= {one["recording"] for one in kind_of(audit("refresh"))["look_at"]}
 
@@ -516,7 +516,7 @@ def test_a_short_recording_without_findings_is_named_and_does_not_end_the_night(
     add_drive(Store.open(audit.store), "short.mcap", seed=92, vehicle="car1", day=9, frames=12)
     answer = audit("refresh")
     assert answer.code == 0
-    assert "left out: short.mcap: 12 frames, fewer than 20\n" in answer.err
+    assert "left out: short.mcap (car1, 2026-03-10): 12 frames, fewer than 20\n" in answer.err
 
 
 @pytest.mark.parametrize(("count", "frames", "provisional"), [(3, 6, True), (2, 40, True), (3, 20, False)])

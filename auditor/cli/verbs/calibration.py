@@ -31,7 +31,7 @@ _BRIEF = 12
 _LIST_COLUMNS = ("calibration_id", "state", "kind", "recordings", "frames", "by_others", "made_at", "made_by", "parent")
 _USED_COLUMNS = ("recording", "vehicle", "day", "in", "frames", "findings", "look at", "reason")
 _CONDITION_COLUMNS = ("condition", "value", "drives", "windows", "raised", "share", "low", "high")
-_WAITING_COLUMNS = ("name", "vehicle", "day", "since", "findings", "frames", "reason", "kind")
+_WAITING_COLUMNS = ("recording_id", "name", "vehicle", "day", "since", "findings", "frames", "reason", "kind")
 _MADE = (
     "hours",
     "frames_by_others",
@@ -248,7 +248,7 @@ def quarantine(store: Path, form: str) -> None:
     auditor calibration quarantine --store fleet --format csv
 
     They are not learnt from, whatever later thresholds say of them, until somebody says that they are clean (auditor
-    label NAME --clean), or what was attacked.
+    label ID --clean), or what was attacked.
     """  # noqa: D301 - \b is click's mark for a paragraph that keeps its lines
     from auditor.store.queries import run_query  # noqa: PLC0415 - keeps --help quick
     from auditor.store.store import Store  # noqa: PLC0415 - keeps --help quick

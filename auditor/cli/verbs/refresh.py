@@ -84,7 +84,7 @@ def command(
         for step in next_steps(decision, night.store):
             say(f"  {step.what}: {step.command}")
     for finding in night.found:
-        say(f"{finding.recording}: to be looked at: {finding.reason}")
+        say(f"{finding.called}: to be looked at: {finding.reason}")
     answer(json_line(night))
     return exit_code(night)
 

@@ -24,13 +24,18 @@ from auditor.store.versions.decisions import (
     Failure,
     PlannedRecording,
     QuarantineEntry,
-    RecordingToReview,
     Refresh,
     RefreshOutcome,
     write_quarantine,
 )
 from auditor.store.versions.history import EntryIntoForce, calibrations_in_force, put_in_force
-from auditor.store.versions.records import CalibrationVersion, VersionOutcome, read_version, write_version
+from auditor.store.versions.records import (
+    CalibrationVersion,
+    UsedRecording,
+    VersionOutcome,
+    read_version,
+    write_version,
+)
 
 
 def plan(
@@ -104,7 +109,7 @@ def refresh(
     return Refresh(store.folder, now, r, dry_run, tuple(measured), tuple(failures), tuple(decisions), to_review)
 
 
-def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[RecordingToReview]:
+def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collection[str]) -> Iterator[UsedRecording]:
     """The new measurements that a person should look at, and those in whose incidents nobody has looked yet."""
     current, reviewed = store.current_judgements(), false_alarms(store)
     why = {one.measurement_id: one.reason for decision in decisions for one in decision.look_at}
@@ -114,9 +119,9 @@ def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collectio
             continue
         told = current[measurement].found if measurement in current else 0
         if measurement in why:
-            yield RecordingToReview(used.name, why[measurement])
+            yield replace(used, reason=why[measurement])
         elif told and measurement not in reviewed and not store.given_labels(used.recording_id):
-            yield RecordingToReview(used.name, f"{told} frames of it are in incidents or alerts")
+            yield replace(used, reason=f"{told} frames of it are in incidents or alerts")
 
 
 def _as_it_is(decision: Decision) -> Decision:

@@ -115,14 +115,6 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class RecordingToReview:
-    """A recording of this refresh that a person should look at, and why."""
-
-    recording: str
-    reason: str
-
-
-@dataclass(frozen=True)
 class PlannedRecording:
     """A recording that a dry run was given: its rig kinds, whether the store has measured it, or what is wrong."""
 
@@ -136,9 +128,9 @@ class PlannedRecording:
 class Refresh:
     """One refresh of a store: what was measured, what failed, and what was decided for each rig kind.
 
-    `found` are the recordings that were given or judged now and that a person should look at: those with findings, and
-    those that are in doubt. `planned` are the recordings that a dry run was given; what it decides is of those that are
-    measured already.
+    `found` are the recordings that were given or judged now and that a person should look at, and why: those with
+    findings, and those that are in doubt. `planned` are the recordings that a dry run was given; what it decides is of
+    those that are measured already.
     """
 
     store: Path
@@ -148,7 +140,7 @@ class Refresh:
     measured: tuple[str, ...]
     failed: tuple[Failure, ...]
     decisions: tuple[Decision, ...]
-    found: tuple[RecordingToReview, ...] = ()
+    found: tuple[UsedRecording, ...] = ()
     planned: tuple[PlannedRecording, ...] = ()
 
 
@@ -169,7 +161,7 @@ def _steps(decision: Decision) -> Iterator[tuple[str, list[str]]]:
     if decision.look_at:
         action = f"look at the recordings that wait ({len(decision.look_at)}) and at their incidents"
         yield action, ["auditor", "calibration", "quarantine"]
-        first = decision.look_at[0].name
+        first = decision.look_at[0].recording_id[:12]
         yield "of each that is clean say so: the next refresh learns from it", ["auditor", "label", first, "--clean"]
         attack = ["--sensor", "S_NUMBER", "--attack", "KIND"]
         yield "of each that was attacked say what: it is never learnt from", ["auditor", "label", first, *attack]

@@ -50,6 +50,12 @@ class UsedRecording:
         """Its vehicle and day."""
         return self.vehicle, self.day
 
+    @property
+    def called(self) -> str:
+        """Its name, with vehicle and day where they are known: many recordings may have one name."""
+        origin = ", ".join(str(one) for one in self.origin if one)
+        return f"{self.name} ({origin})" if origin else self.name
+
 
 @dataclass(frozen=True)
 class CalibrationVersion:
