@@ -121,7 +121,8 @@ def _to_be_looked_at(store: Store, decisions: Sequence[Decision], new: Collectio
         if measurement in why:
             yield replace(used, reason=why[measurement])
         elif told and measurement not in reviewed and not store.given_labels(used.recording_id):
-            yield replace(used, reason=f"{told} frames of it are in incidents or alerts")
+            learnt = "; it is learnt from: clean drives have as many by chance" if used.included else ""
+            yield replace(used, reason=f"{told} frames of it are in incidents or alerts{learnt}")
 
 
 def _as_it_is(decision: Decision) -> Decision:
