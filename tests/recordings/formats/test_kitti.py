@@ -172,6 +172,16 @@ def test_times_that_are_missing_or_ill_formed_are_a_clear_error(small: Path, tex
         open_recording(small)
 
 
+def test_times_of_some_sensors_alone_are_refused(small: Path) -> None:
+    times = "".join(f"2011-09-26 13:02:25.{frame}\n" for frame in range(5))
+    for sensor in ("image_00", "image_01", "image_03", "velodyne_points"):
+        (small / sensor / "timestamps.txt").write_text(times)
+    (small / "image_02" / "timestamps.txt").unlink(missing_ok=True)
+    with pytest.raises(RecordingError, match=r"image_02/timestamps.txt: it is missing") as raised:
+        open_recording(small)
+    assert raised.value.remedy == "put it back, or take image_02 out of the drive"
+
+
 def test_a_place_that_is_gone_is_no_damage_and_a_picture_is(real_data: Path, small: Path) -> None:
     shutil.copytree(drive(real_data, "0001") / small.parent.name / small.name / "oxts", small / "oxts")
     with open_recording(small) as recording:

@@ -26,6 +26,7 @@ CAMERAS = {"00": "camera_gray_left", "01": "camera_gray_right", "02": "camera_co
 
 _CAMERA_FILE = "calib_cam_to_cam.txt"
 _LIDAR_FILE = "calib_velo_to_cam.txt"
+_TIMES_FILE = "timestamps.txt"
 _MAX_TEXT_BYTES = 16 * 2**20
 
 
@@ -131,10 +132,23 @@ class KittiReader:
             if number in calibration.cameras
         ]
         streams.append(Stream(SCAN_TOPIC, tuple(files_by_stamp(folder / "velodyne_points", "*.bin", contents))))
-        others = folder.glob("*/timestamps.txt")
+        _refuse_some_without_times(folder)
+        others = folder.glob(f"*/{_TIMES_FILE}")
         places = (Stream(OXTS_TOPIC, tuple(_places(folder / "oxts", contents))),)
         # The times are written without a zone, or not at all.
         return KittiRecording(path, folder, calibration, streams, others, "unknown", contents, places)
+
+
+def _refuse_some_without_times(folder: Path) -> None:
+    """Raises RecordingError where some sensors have times and another has none: they would be years apart."""
+    timed = {data.parent: (data.parent / _TIMES_FILE).is_file() for data in sorted(folder.glob("[iv]*_*/data"))}
+    if any(timed.values()) and not all(timed.values()):
+        without = next(sensor for sensor, there in timed.items() if not there)
+        raise RecordingError(
+            "it is missing, and other sensors of the drive have theirs",
+            where=without / _TIMES_FILE,
+            remedy=f"put it back, or take {without.name} out of the drive",
+        )
 
 
 def _is_drive(path: Path) -> bool:
@@ -189,20 +203,20 @@ def numbered_files(folder: Path, pattern: str) -> list[tuple[int, Path]]:
 def files_by_stamp(folder: Path, pattern: str, contents: Contents, within: str = "data") -> Iterator[tuple[int, Path]]:
     """Stamp and path of every data file, by number."""
     numbered = numbered_files(folder / within, pattern)
-    stamps = _read_stamps(folder / "timestamps.txt", contents)
+    stamps = _read_stamps(folder / _TIMES_FILE, contents)
     for number, file in numbered:
         if stamps is None:
             yield number * PERIOD_NS, file
         elif number < len(stamps) and stamps[number] is not None:
             yield stamps[number] or 0, file
         else:
-            raise RecordingError(f"there is no time for file {number}", where=folder / "timestamps.txt")
+            raise RecordingError(f"there is no time for file {number}", where=folder / _TIMES_FILE)
 
 
 def _places(folder: Path, contents: Contents) -> Iterator[tuple[int, Path]]:
     """Stamp and path of the files of places; without a time a place is of no use, and no reason to read nothing."""
     try:
-        stamps = _read_stamps(folder / "timestamps.txt", contents) or []
+        stamps = _read_stamps(folder / _TIMES_FILE, contents) or []
     except RecordingError:
         return
     for number, file in numbered_files(folder / "data", "*.txt"):
