@@ -292,6 +292,21 @@ def test_a_drive_unlike_the_others_is_left_out_though_nothing_in_it_is_raised(re
     assert (kind["recordings"], kind["look_at"]) == (10, []), "a false alarm that somebody looked at teaches"
 
 
+def test_what_ends_a_scan_in_findings_waits_though_it_is_like_the_others(refreshed_later, audit_of, monkeypatch):
+    audit = audit_of(refreshed_later)
+    add_drive(Store.open(audit.store), "alert.mcap", seed=66, vehicle="car7", day=6, attacked=(1,))
+    monkeypatch.setattr("auditor.identification.refreshing.drives.DriveScores.raised", lambda *_: "")
+    for name in ("differing", "influential"):
+        monkeypatch.setattr(f"auditor.pipeline.refreshing.choosing.{name}", lambda *_: {})
+    answer = audit("refresh")
+    [alert] = kind_of(answer)["look_at"]
+    assert (answer.code, alert["recording"]) == (1, "alert.mcap")
+    assert alert["reason"].endswith("frames of it are in incidents or alerts")
+    assert [one["reason"] for one in kind_of(audit("refresh"))["look_at"]] == [alert["reason"]], "it waits on"
+    assert audit("label", alert["recording_id"][:8], "--clean").code == 0
+    assert kind_of(audit("refresh"))["look_at"] == []
+
+
 def test_one_road_every_day_is_learnt_from_a_few_times_and_conditions_are_kept(first_night, audit_of):
     audit = audit_of(first_night)
     store = Store.open(audit.store)

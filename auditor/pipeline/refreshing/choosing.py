@@ -181,7 +181,19 @@ def choose(group: LogGroup, state: RigKindState, system: System, r: Decimal) -> 
             chosen.append(recording)
     out = (*barred, *too_many, *raised)
     new = sum(one.new for one in chosen) + len(raised)
-    return _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
+    choice = _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
+    found = _found_by_scans(choice, group) if state.parent is not None else {}
+    return _compared(choice.without(found), system, r) if found else choice
+
+
+def _found_by_scans(choice: Choice, group: LogGroup) -> dict[int, str]:
+    """Why new logs that nobody named wait, by their places: they end a scan in findings, and nobody has looked yet."""
+    told = {log.used.recording_id: log.told for log in group.logs}
+    return {
+        place: f"{told[recording]} frames of it are in incidents or alerts"
+        for place, one in enumerate(choice.chosen)
+        if one.new and not one.named and told.get(recording := one.used.recording_id)
+    }
 
 
 def _by_person(log: Log) -> str:

@@ -103,7 +103,8 @@ class Log:
     `reviewed` that he called its incidents false alarms and gave it no label.
 
     `barred` is why it is not learnt from, `doubt` why not unless a person called it clean, if so; `look_at` is of
-    either of both. `frames` and `circumstances` are read when they are needed.
+    either of both. `told` are its frames in incidents or alerts that nobody has looked at.
+    `frames` and `circumstances` are read when they are needed.
     """
 
     used: UsedRecording
@@ -115,6 +116,7 @@ class Log:
     barred: str = ""
     doubt: str = ""
     look_at: bool = False
+    told: int = 0
 
     @property
     def source(self) -> DriveSource:
@@ -188,8 +190,8 @@ def _log(
     barred, look_at = _barred(store, stored, recording)
     used = looked_at(stored, recording)
     doubt, look_at = ("", look_at) if barred else _doubtful(stored, used.day, no_sensors)
-    if told and not reviewed and not given:
-        # Nobody has looked at what was found in it, whatever it is left out for.
+    told = 0 if reviewed or given else told
+    if told:  # whatever it is left out for
         remark, look_at = f"; {told} frames of it are in incidents or alerts", True
         barred, doubt = barred and barred + remark, doubt and doubt + remark
     return Log(
@@ -202,6 +204,7 @@ def _log(
         barred,
         doubt,
         look_at,
+        told,
     )
 
 
