@@ -318,6 +318,14 @@ def test_findings_of_one_sensor_make_no_alert_of_another_ones():
     assert [f for f, v in enumerate(verdicts) if v.in_alert] == [3, 9, 12]
 
 
+@pytest.mark.parametrize(("hit", "told"), [(4, False), (11, True)])
+def test_one_finding_that_names_a_sensor_makes_no_alert_with_far_ones_that_name_none(hit, told):
+    series = series_of([hit], z=4.0, frozen=range(11, 15))
+    verdicts = judge_frames(series, SYSTEM, replace(THRESHOLDS, evidence_limit=99.0))
+    assert verdicts[hit].attacked == (1,)
+    assert [verdicts[place].in_alert for place in (hit, 12, 13, 14)] == [told, True, True, True]
+
+
 def test_the_larger_r_is_the_more_findings_an_alert_needs():
     often = replace(THRESHOLDS, r=Decimal("0.2"), evidence_limit=99.0)
     series = series_of([3, 4, 9], z=4.0)

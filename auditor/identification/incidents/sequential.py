@@ -230,11 +230,19 @@ def alerts(
 def _often(attacked: Mapping[int, tuple[int, ...]], fewest: float) -> tuple[int, ...]:
     """The findings that name a sensor or nobody, where these are the `fewest` at least.
 
-    Those of several sensors do not add up: findings of one make no alert of another one's.
+    Those of several sensors do not add up: findings of one make no alert of another one's. Nor does a sensor that one
+    of them names alone, with none beside it.
     """
     sensors: set[int | None] = {sensor for named in attacked.values() for sensor in named}
-    of_each = ([place for place, named in attacked.items() if not named or one in named] for one in sensors or {None})
-    return tuple(sorted({place for places in of_each if len(places) >= fewest for place in places}))
+    often = set[int]()
+    for sensor in sensors or {None}:
+        places = [place for place, named in attacked.items() if not named or sensor in named]
+        naming = [place for place in places if sensor in attacked[place]]
+        if len(naming) == 1 and not {naming[0] - 1, naming[0] + 1}.intersection(places):
+            places.remove(naming[0])
+        if len(places) >= fewest:
+            often.update(places)
+    return tuple(sorted(often))
 
 
 def _fewest_in_a_row(r: float) -> int:
