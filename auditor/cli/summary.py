@@ -33,8 +33,9 @@ def show_measuring(scan: "Scan", tally: Tally) -> None:
 
     batch = scan.batch
 
-    for note in batch.notes:
-        say(f"{note}: it is text and no recording, and was not read")
+    notes = (f"{note}: it is text and no recording, and was not read" for note in batch.notes)
+    for remark in (*batch.remarks, *notes):
+        say(remark)
     for error in batch.errors:
         say(f"auditor: {error}")
         _leave(tally, error.where, error)

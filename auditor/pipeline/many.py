@@ -43,7 +43,8 @@ def network_of(settings: MeasureSettings) -> MatcherOptions:
 class Batch:
     """Recordings to be measured into a store, None where there are none, and an error for each path that holds none.
 
-    `limits` are those of each recording. `notes` are files of text beside recordings, which are none.
+    `limits` are those of each recording. `notes` are files of text beside recordings, which are none; `remarks` are
+    sentences on all of them.
     """
 
     tasks: tuple[MeasureTask, ...]
@@ -53,6 +54,7 @@ class Batch:
     store: Store | None = None
     notes: tuple[Path, ...] = ()
     spool: Spool = field(default_factory=Spool)
+    remarks: tuple[str, ...] = ()
 
     @property
     def remote(self) -> tuple[MeasureTask, ...]:
@@ -113,7 +115,16 @@ def find_batch(
     )
     for task in tasks:
         task.declared()  # what it raises is an error of the whole command
-    return Batch(tasks, search.errors, replace(settings, jobs=jobs), limits, kept, search.notes, spool_of(settings))
+    remarks = tuple(_of_pattern(tasks, settings.path_pattern))
+    settings = replace(settings, jobs=jobs)
+    return Batch(tasks, search.errors, settings, limits, kept, search.notes, spool_of(settings), remarks)
+
+
+def _of_pattern(tasks: Sequence[MeasureTask], pattern: str | None) -> Iterator[str]:
+    """That a pattern says nothing of any recording, where it does not."""
+    if pattern and all(Origin.of_path(task.location.given, pattern) == Origin() for task in tasks):
+        paths = f"the path {tasks[0].location.given}" if len(tasks) == 1 else f"any of the {len(tasks)} paths"
+        yield f"path pattern {pattern!r}: it does not fit {paths}, and says no vehicle or date"
 
 
 def _of_shard(recordings: Sequence[Location], text: str | None) -> Sequence[Location]:

@@ -136,6 +136,15 @@ def test_measuring_only_says_so_and_judging_comes_later(
     assert found["attacked"] + found["suspect"] == 8
 
 
+def test_a_path_pattern_that_fits_no_recording_is_told(
+    fleet: Path, store: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pattern, given = "{vehicle}/{date}/log_*.mcap", sorted(fleet.iterdir())
+    assert run(["scan", *map(str, given), "--store", str(store), "--path-pattern", pattern, "--measure-only"]) in (0, 3)
+    said = f"path pattern '{pattern}': it does not fit any of the {len(given)} paths, and says no vehicle or date"
+    assert said in capfd.readouterr().err
+
+
 def test_judging_again_at_another_r_needs_no_recording(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     store, copy = tmp_path / "audit", tmp_path / "drive.mcap"
     write_drive(copy, 8, seed=1, positions_m=THREE_CAMERAS)
