@@ -182,8 +182,8 @@ def choose(group: LogGroup, state: RigKindState, system: System, r: Decimal) -> 
     out = (*barred, *too_many, *raised)
     new = sum(one.new for one in chosen) + len(raised)
     choice = _compared(Choice(tuple(chosen), out, new, len(raised)), system, r)
-    found = _found_by_scans(choice, group) if state.parent is not None else {}
-    return _compared(choice.without(found), system, r) if found else choice
+    reasons = _found_by_scans(choice, group) if state.parent is not None else {}
+    return _compared(choice.without(reasons), system, r) if reasons else choice
 
 
 def _found_by_scans(choice: Choice, group: LogGroup) -> dict[int, str]:
