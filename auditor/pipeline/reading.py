@@ -135,7 +135,10 @@ def views_not_compared(
         )
     for number, share in compared_shares(rig).items():
         if rig.by_time and max(share, _share_beside(rig.topic(number), beside)) < min_view:
-            yield f"S_{number} {rig.name(number)} is looked at for light by its own past alone: no other camera sees it"
+            yield (
+                f"S_{number} {rig.name(number)} is looked at for light by its own past alone, hardly straight ahead "
+                "and not in the sky: no other camera sees it"
+            )
         elif not rig.by_time and share < min_view:
             yield (
                 f"S_{number} {rig.name(number)}: {100 * share:.0f} % of its picture is compared with another "

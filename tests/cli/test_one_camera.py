@@ -17,7 +17,7 @@ from tests.making.foxglove_messages import ddad, nuscenes, write_protobuf
 
 FRAMES, ATTACKED = 10, range(5, 9)
 WALL = BogusWall(range_m=7.0, lateral_m=-1.5, seed=3)
-LIGHT = "is looked at for light by its own past alone: no other camera sees it"
+LIGHT = "is looked at for light by its own past alone, hardly straight ahead and not in the sky: no other camera"
 
 
 @pytest.fixture(scope="module")
