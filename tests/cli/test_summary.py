@@ -116,7 +116,7 @@ def test_warnings_of_measuring_are_said_once(capfd, monkeypatch, tmp_path):
     monkeypatch.setattr("auditor.pipeline.scan.measure_all", measure_all)
     tally = Tally()
     tasks = tuple(MeasureTask(Path(name), tmp_path) for name in ("a.mcap", "b.mcap"))
-    batch = SimpleNamespace(tasks=tasks, remote=(), errors=(), notes=(), shows_known=True)
+    batch = SimpleNamespace(tasks=tasks, remote=(), errors=(), notes=(), remarks=(), shows_known=True)
     summary.show_measuring(Scan(batch, tmp_path), tally)
     assert capfd.readouterr().err.splitlines() == [
         "a.mcap: 1 frames measured",
