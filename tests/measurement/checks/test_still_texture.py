@@ -10,7 +10,7 @@ from auditor.lab.attacks.paper import BogusWall
 from auditor.lab.simulation.drives import SyntheticDrive, make_drive
 from auditor.measurement import measure_stream
 from auditor.measurement.checks.in_time.parallax_conflict import parallax_conflicts
-from auditor.measurement.checks.in_time.still_texture import NUMBERS, measure_still_texture, staying
+from auditor.measurement.checks.in_time.still_texture import NUMBERS, appeared, measure_still_texture, staying
 from auditor.measurement.disparity.lidar import lidar_view
 from auditor.measurement.disparity.matchers import find_matcher
 from auditor.measurement.moment import Moment
@@ -69,6 +69,33 @@ def test_a_pattern_that_stays_is_no_conflict_of_the_lidar():
     found = parallax_conflicts(now, before, long_ago=long_ago.half)
     assert np.count_nonzero(found.points.lidar_conflicts) < 10
     assert found.still_texture > 0.4
+
+
+def test_a_pattern_that_has_begun_is_no_conflict_of_the_lidar():
+    drawn = cv2.resize(
+        np.random.default_rng(5).random((20, 26)).astype(np.float32), (260, 200), interpolation=cv2.INTER_CUBIC
+    )
+    texture = np.clip(drawn * 255, 0, 255).astype(np.uint8)
+
+    def covered(number: int) -> Moment:
+        grey = moment(number).grey.copy()
+        grey[130:330, 850:1110] = texture
+        return replace(moment(number), grey=grey)
+
+    found = parallax_conflicts(covered(FAR), covered(FAR - 1), long_ago=moment(0).half)
+    assert np.count_nonzero(found.points.lidar_conflicts) < 10
+    assert found.still_texture < 0.2
+
+
+def test_what_has_appeared_shows_nowhere_nearby():
+    now = moment(4, thrown=True)
+    inside = np.flatnonzero(pattern()[now.view.row, now.view.column])
+    shift = np.float32([[1, 0, NUMBERS.nearby_px - 1], [0, 1, 1 - NUMBERS.nearby_px]])
+    shifted = cv2.warpAffine(moment(4, thrown=True).half, shift, now.half.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+    new, elsewhere = appeared(now, moment(0).half, inside), appeared(now, shifted, inside)
+    assert new.mean() > 0.8
+    assert elsewhere.mean() < 0.05
+    assert appeared(now, shifted, inside[:0]).shape == (0,)
 
 
 def test_a_bogus_wall_stays_a_conflict_and_is_no_still_texture():

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from auditor.measurement.checks.in_time.still_texture import NUMBERS as STILL_TEXTURE
-from auditor.measurement.checks.in_time.still_texture import measure_still_texture, staying
+from auditor.measurement.checks.in_time.still_texture import appeared, measure_still_texture, staying
 from auditor.measurement.checks.lidar_conflict import VerifiedConflicts
 from auditor.measurement.disparity.stereo import textured
 from auditor.measurement.ego_motion import Motion, ego_motion, pixels_of
@@ -159,13 +159,17 @@ def _conflicting(now: Moment, before: Moment, sought: _Sought, compared: _Compar
 def _staying(
     now: Moment, before: Moment, long_ago: Image | None, sought: _Sought, compared: _ComparedPoints
 ) -> tuple[Indices, float | None]:
-    """The points that stay in the picture though they should have moved, and how much of it does."""
+    """The points that stay in the picture though they should have moved, or appeared, and how much of it stays."""
     differing = np.setdiff1d(compared.every, compared.agrees, assume_unique=True)
-    stays = differing[staying(now, (before.half, long_ago), sought.point[differing])]
+    lately = differing[staying(now, [before.half], sought.point[differing])]
     if long_ago is None:
-        return stays, None
+        return lately, None
+    always = staying(now, [long_ago], sought.point[lately])
+    stays = lately[always]
     moving = compared.every[np.hypot(*(sought.predicted - sought.pixel)[compared.every].T) >= STILL_TEXTURE.least_px]
-    return stays, measure_still_texture(now, sought.point[moving], np.isin(moving, stays))
+    texture = measure_still_texture(now, sought.point[moving], np.isin(moving, stays))
+    fresh = appeared(now, long_ago, sought.point[lately])
+    return lately[always | fresh], texture
 
 
 def _seen_before(now: Moment, some: Indices, motion: Motion) -> _Sought:

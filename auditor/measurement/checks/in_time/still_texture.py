@@ -8,6 +8,7 @@ away, or drives ahead as fast, stays as well, but seldom for so long a way.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from auditor.measurement.checks.photometric_consistency import ncc_at
@@ -30,6 +31,8 @@ class StillTexture:
         2.0, unit="times as many points nearby that stay, beyond which a conflict is theirs", source=_PATTERNS
     )
     least_px: float = parameter(4.0, unit="px that a point should have moved", source=_PATTERNS)
+    shown_px: int = parameter(11, unit="half px, width of surroundings that are sought long ago", source=_PATTERNS)
+    nearby_px: int = parameter(12, unit="half px to each side in which they are", source=_PATTERNS)
     cell_px: int = parameter(8, unit="half px, width and height of a cell", source=BY_HAND)
     window: tuple[int, int] = parameter((6, 8), unit="cells, rows and columns", source=_PATTERNS)
     pseudo_count: int = parameter(10, unit="points that move, added to those of a window", source=_PATTERNS)
@@ -46,6 +49,20 @@ def staying(now: Moment, earlier: Sequence[Image | None], point: Indices) -> Mas
         if picture is not None:
             stays &= ncc_at(now.half, picture, row, column, nowhere) > NUMBERS.alike
     return stays
+
+
+def appeared(now: Moment, long_ago: Image, point: Indices) -> Mask:
+    """(P,) mask of points of the view whose surroundings a half-resolution picture (h, w) shows nowhere nearby."""
+    radius, reach = NUMBERS.shown_px // 2, NUMBERS.shown_px // 2 + NUMBERS.nearby_px
+    here, there = (cv2.copyMakeBorder(one, *[reach] * 4, cv2.BORDER_REPLICATE) for one in (now.half, long_ago))
+    alike = []
+    for row, column in zip(now.view.row[point] // HALF + reach, now.view.column[point] // HALF + reach, strict=True):
+        patch, window = (
+            one[row - far : row + far + 1, column - far : column + far + 1]
+            for one, far in ((here, radius), (there, reach))
+        )
+        alike.append(cv2.minMaxLoc(cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED))[1])
+    return np.array(alike) <= NUMBERS.alike
 
 
 def measure_still_texture(now: Moment, point: Indices, stays: Mask) -> float:
