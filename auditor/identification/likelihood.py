@@ -22,9 +22,11 @@ from auditor.identification.prior import joint_limit
 from auditor.identification.systems import System
 from auditor.model.arrays import Floats, Indices
 from auditor.model.checks import FEWEST_VOTERS, MOST_LEFT_OUT, Check, SensorCheck
+from auditor.model.checks.kind import Of
 from auditor.model.rig import LIDAR
 
 _UNMATCHED = tuple(one for one in Check if one.kind.by_all_but_one)
+_BY_ITSELF = frozenset({Of.VIEW, Of.OWN_SCANS, Of.SURROUNDINGS})
 _SUSPECTS = 6  # sensors that sets of several are made of, the likeliest: it bounds the work
 
 
@@ -199,6 +201,30 @@ def likely_sets(z: Floats, system: System, absent: frozenset[int]) -> list[Likel
             likely = sorted(zip(every, of_frame, strict=True), key=lambda one: -one[1])
             by_frame[frame] = LikelySets(likely, dict(zip(every, its_ratios, strict=True)), lit)
     return [by_frame[frame] for frame in range(len(z))]
+
+
+def lidar_by_itself(z: Floats, system: System, absent: frozenset[int]) -> LikelySets:
+    """No attack, or one on the LiDAR, in a frame of scores (M,) of three sensors: by its own scans alone.
+
+    No light on a camera takes points from a scan, or adds any to it.
+    """
+    columns = system.detecting(absent)
+    own = _largest(z[None], columns[[by_itself(system.sensor_checks[column]) for column in columns.tolist()]])
+    without, every = (_rest(system, gone) for gone in (absent.union({LIDAR}), absent))
+    nobody, lidar = (
+        _log_likelihood(AttackSetScores(shown, _largest(z[None], rest) - usual, np.zeros(1)), system.lidars)
+        for shown, (rest, usual) in (({}, every), ({LIDAR: own}, without))
+    )
+    ratios = np.minimum(np.stack([np.zeros(1), lidar - nobody], axis=1), LARGEST_RATIO)
+    sets: list[AttackSet] = [(), (LIDAR,)]
+    [chances] = posteriors(ratios, sets, len(system.sensors) - len(absent)).tolist()
+    likely = sorted(zip(sets, chances, strict=True), key=lambda one: -one[1])
+    return LikelySets(likely, dict(zip(sets, ratios[0].tolist(), strict=True)), {})
+
+
+def by_itself(check: SensorCheck) -> bool:
+    """Whether a check is of the LiDAR's own scans, whatever cameras see."""
+    return check.check.kind.of in _BY_ITSELF
 
 
 def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Floats:

@@ -11,7 +11,16 @@ from math import inf, isnan, log10
 
 import numpy as np
 
-from auditor.identification.likelihood import AttackSet, LikelySets, brighter_than, light_alike, likely_sets, of_sensor
+from auditor.identification.likelihood import (
+    AttackSet,
+    LikelySets,
+    brighter_than,
+    by_itself,
+    lidar_by_itself,
+    light_alike,
+    likely_sets,
+    of_sensor,
+)
 from auditor.identification.paper import (
     ABOVE,
     FEWEST_COMPARED,
@@ -157,8 +166,20 @@ def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) ->
     for scores, sets in zip(z, likely_sets(z, system, absent), strict=True):
         if system.of_scans and _is_undecided(sets.likely, _first(sets.likely)):
             sets.likely.sort(key=lambda one: -_contested(one[0], scores, system))
-        explanations.append(_explained(scores, system, absent, limit, sets))
+        own = lidar_by_itself(scores, system, absent) if _by_itself(scores, system, absent, limit) else sets
+        explanations.append(_explained(scores, system, absent, limit, own))
     return explanations
+
+
+def _by_itself(z: Floats, system: System, absent: frozenset[int], limit: float) -> bool:
+    """Whether three sensors are there, and what exceeds the limit is the LiDAR's, and some of its own scans.
+
+    So it is named without a vote: no light on a camera takes points from a scan, or adds any to it.
+    """
+    if system.by_time or len(system.sensors) - len(absent) != FEWEST_COMPARED:
+        return False
+    shown = [system.sensor_checks[column] for column in system.detecting(absent).tolist() if z[column] > limit]
+    return all(one.sensor == LIDAR for one in shown) and any(map(by_itself, shown))
 
 
 def _first(likely: Sequence[tuple[AttackSet, float]]) -> AttackSet:
@@ -266,7 +287,7 @@ def _evidence(value: float, check: SensorCheck) -> Evidence:
 def _doubt(explanation: _Explanation, N: int) -> str:
     """Why the sensors that were found cannot be named; empty where they can."""
     most = N - FEWEST_COMPARED
-    if N < FEWEST_SENSORS:
+    if N < FEWEST_SENSORS and not explanation.attacked:
         return f"an attack on one of {N} sensors cannot be attributed"
     if explanation.outside and len(explanation.attacked) == most:
         rest = explanation.outside[0].nameable

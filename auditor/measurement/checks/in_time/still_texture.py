@@ -54,7 +54,7 @@ def staying(now: Moment, earlier: Sequence[Image | None], point: Indices) -> Mas
 def appeared(now: Moment, long_ago: Image, point: Indices) -> Mask:
     """(P,) mask of points of the view whose surroundings a half-resolution picture (h, w) shows nowhere nearby."""
     radius, reach = NUMBERS.shown_px // 2, NUMBERS.shown_px // 2 + NUMBERS.nearby_px
-    here, there = (cv2.copyMakeBorder(one, *[reach] * 4, cv2.BORDER_REPLICATE) for one in (now.half, long_ago))
+    here, there = (np.pad(one, reach, mode="edge") for one in (now.half, long_ago))
     alike = []
     for row, column in zip(now.view.row[point] // HALF + reach, now.view.column[point] // HALF + reach, strict=True):
         patch, window = (
