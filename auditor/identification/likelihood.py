@@ -26,7 +26,7 @@ from auditor.model.checks.kind import Of
 from auditor.model.rig import LIDAR
 
 _UNMATCHED = tuple(one for one in Check if one.kind.by_all_but_one)
-_BY_ITSELF = frozenset({Of.VIEW, Of.OWN_SCANS, Of.SURROUNDINGS})
+_OF_OWN_SCANS = frozenset({Of.VIEW, Of.OWN_SCANS, Of.SURROUNDINGS})
 _SUSPECTS = 6  # sensors that sets of several are made of, the likeliest: it bounds the work
 
 
@@ -53,15 +53,15 @@ class AttackSetScores(NamedTuple):
 def attack_sets(system: System, absent: frozenset[int], suspects: Sequence[int]) -> list[AttackSet]:
     """No attack, each sensor alone, and sets of `suspects`: of sensors that are there, as many as can be told apart.
 
-    Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. Of a
-    lone camera and a LiDAR each is told by the other and by the camera's past, LiDARs alone by their own past and by
-    each other.
+    Three sensors outside the set have to be left that vote; and votes are measured without two voters at most. Of
+    three sensors one is told where it shows by itself (`singles_out`). Of a lone camera and a LiDAR each is told by the
+    other and by the camera's past, LiDARs alone by their own past and by each other.
     """
     present = [sensor for sensor in system.sensors if sensor not in absent]
     if system.by_time:
         return [(), *((sensor,) for sensor in present)] if LIDAR in present or system.of_scans else [()]
     most = min(len(present) - FEWEST_COMPARED, MOST_LEFT_OUT + 1)
-    if most < 1:
+    if len(present) < FEWEST_COMPARED:
         return [()]
     several = (one for size in range(2, most + 1) for one in combinations(sorted(suspects), size))
     return [(), *((sensor,) for sensor in present), *several]
@@ -79,7 +79,7 @@ def suspects_of(z: Floats, system: System, absent: frozenset[int]) -> tuple[int,
 def explained(z: Floats, system: System, absent: frozenset[int], attacked: AttackSet) -> AttackSetScores:
     """What frames of scores (F, M) without these sensors show of an attack set."""
     gone = absent.union(attacked)
-    own = {s: _largest(z, of_sensor(system, gone - {s}, s), -np.inf) for s in attacked}
+    own = {s: _largest(z, telling(system, gone - {s}, s), -np.inf) for s in attacked}
     rest, usual = _rest(system, gone)
     return AttackSetScores(own, _largest(z, rest) - usual, np.maximum(_lacking(z, system, absent, attacked), 0.0))
 
@@ -203,30 +203,6 @@ def likely_sets(z: Floats, system: System, absent: frozenset[int]) -> list[Likel
     return [by_frame[frame] for frame in range(len(z))]
 
 
-def lidar_by_itself(z: Floats, system: System, absent: frozenset[int]) -> LikelySets:
-    """No attack, or one on the LiDAR, in a frame of scores (M,) of three sensors: by its own scans alone.
-
-    No light on a camera takes points from a scan, or adds any to it.
-    """
-    columns = system.detecting(absent)
-    own = _largest(z[None], columns[[by_itself(system.sensor_checks[column]) for column in columns.tolist()]])
-    without, every = (_rest(system, gone) for gone in (absent.union({LIDAR}), absent))
-    nobody, lidar = (
-        _log_likelihood(AttackSetScores(shown, _largest(z[None], rest) - usual, np.zeros(1)), system.lidars)
-        for shown, (rest, usual) in (({}, every), ({LIDAR: own}, without))
-    )
-    ratios = np.minimum(np.stack([np.zeros(1), lidar - nobody], axis=1), LARGEST_RATIO)
-    sets: list[AttackSet] = [(), (LIDAR,)]
-    [chances] = posteriors(ratios, sets, len(system.sensors) - len(absent)).tolist()
-    likely = sorted(zip(sets, chances, strict=True), key=lambda one: -one[1])
-    return LikelySets(likely, dict(zip(sets, ratios[0].tolist(), strict=True)), {})
-
-
-def by_itself(check: SensorCheck) -> bool:
-    """Whether a check is of the LiDAR's own scans, whatever cameras see."""
-    return check.check.kind.of in _BY_ITSELF
-
-
 def posteriors(ratios: Floats, sets: Sequence[AttackSet], sensors: int) -> Floats:
     """(F, H) probabilities of the attack sets from their logarithmic ratios (F, H), of a rig of so many sensors."""
     weights = ratios + np.log([_prior(len(attacked), sensors) for attacked in sets])
@@ -266,6 +242,25 @@ def of_sensor(system: System, gone: frozenset[int], sensor: int) -> Indices:
     checks = system.sensor_checks
     columns = [column for column in system.counting(gone).tolist() if checks[column].nameable == (sensor,)]
     return np.array(columns, dtype=np.intp)
+
+
+@cache
+def telling(system: System, gone: frozenset[int], sensor: int) -> Indices:
+    """The places of the checks that tell that it is this sensor: `of_sensor`, of three sensors what singles it out."""
+    if system.by_time or len(system.sensors) - len(gone) != FEWEST_COMPARED:
+        return of_sensor(system, gone, sensor)
+    checks = system.sensor_checks
+    columns = system.detecting(gone).tolist()
+    return np.array([c for c in columns if checks[c].sensor == sensor and singles_out(checks[c])], dtype=np.intp)
+
+
+def singles_out(check: SensorCheck) -> bool:
+    """Whether a check tells by itself which of those that it compares is attacked.
+
+    No light on a camera changes a scan, none takes away one colour, and two cameras that agree outvote the third. A
+    patch that saturates in one of two cameras is either light, or dirt on the other one.
+    """
+    return check.check.kind.of in _OF_OWN_SCANS if check.sensor == LIDAR else len(check.nameable) == 1
 
 
 def _largest(z: Floats, columns: Indices, unmeasured: float = SCORE_LIMITS.lowest) -> Floats:

@@ -15,11 +15,10 @@ from auditor.identification.likelihood import (
     AttackSet,
     LikelySets,
     brighter_than,
-    by_itself,
-    lidar_by_itself,
     light_alike,
     likely_sets,
     of_sensor,
+    telling,
 )
 from auditor.identification.paper import (
     ABOVE,
@@ -43,6 +42,9 @@ _STANDS = (
     "nothing was compared"
 )
 _NO_SCAN_BEFORE = "there is no scan of the same place a moment before: nothing was compared"
+_NOBODY = LikelySets([((), 1.0)], {(): 0.0}, {})
+"""The attack sets of too few sensors to tell which of them is attacked."""
+
 _LIDAR_UNCHECKED = "no camera pair can check the LiDAR here: points that it invents pass unnoticed"
 
 
@@ -53,7 +55,8 @@ class _Explanation:
     `likely` are the attack sets and their probabilities, the likeliest first, () being no attack; empty where too few
     sensors are there. `ratio` is the decimal logarithm of the likelihood ratio of the likeliest that is one against no
     attack. `attacked` is that set, or those that lack light, where all others are lit alike. `evidence` are the checks
-    that show it, and what exceeds the limit outside it: `outside`.
+    that show it, and what exceeds the limit outside it: `outside`. It is `shown` where each of its sensors exceeds the
+    limit.
     """
 
     attacked: AttackSet
@@ -61,6 +64,7 @@ class _Explanation:
     ratio: float | None
     evidence: tuple[tuple[float, SensorCheck], ...]
     outside: tuple[SensorCheck, ...]
+    shown: bool = False
 
 
 def name_attacked(z: Floats, system: System, missing: Sequence[frozenset[int]], limit: float) -> list[Verdict]:
@@ -161,25 +165,16 @@ def _rows(flags: Flags) -> Iterator[bytes]:
 
 
 def _explain(z: Floats, system: System, absent: frozenset[int], limit: float) -> list[_Explanation]:
-    """What explains each of F frames of scores (F, M)."""
+    """What explains each of F frames of scores (F, M); of too few sensors one only where it shows by itself."""
+    few = not system.by_time and len(system.sensors) - len(absent) < FEWEST_SENSORS
     explanations = []
     for scores, sets in zip(z, likely_sets(z, system, absent), strict=True):
         if system.of_scans and _is_undecided(sets.likely, _first(sets.likely)):
             sets.likely.sort(key=lambda one: -_contested(one[0], scores, system))
-        own = lidar_by_itself(scores, system, absent) if _by_itself(scores, system, absent, limit) else sets
-        explanations.append(_explained(scores, system, absent, limit, own))
+        explanation = _explained(scores, system, absent, limit, sets)
+        told = not few or (explanation.shown and not _undecided(explanation))
+        explanations.append(explanation if told else _explained(scores, system, absent, limit, _NOBODY))
     return explanations
-
-
-def _by_itself(z: Floats, system: System, absent: frozenset[int], limit: float) -> bool:
-    """Whether three sensors are there, and what exceeds the limit is the LiDAR's, and some of its own scans.
-
-    So it is named without a vote: no light on a camera takes points from a scan, or adds any to it.
-    """
-    if system.by_time or len(system.sensors) - len(absent) != FEWEST_COMPARED:
-        return False
-    shown = [system.sensor_checks[column] for column in system.detecting(absent).tolist() if z[column] > limit]
-    return all(one.sensor == LIDAR for one in shown) and any(map(by_itself, shown))
 
 
 def _first(likely: Sequence[tuple[AttackSet, float]]) -> AttackSet:
@@ -200,7 +195,8 @@ def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, 
     """What explains a frame of scores (M,), of which the attack sets are known."""
     first = _first(sets.likely)
     attacked = sets.alike.get(first, first)
-    own = [entry for sensor in attacked for entry in _own(z, system, absent.union(attacked) - {sensor}, sensor, limit)]
+    left = {sensor: absent.union(attacked) - {sensor} for sensor in attacked}
+    own = [entry for sensor, others in left.items() for entry in _own(z, system, others, sensor, limit)]
     gone = absent.union(attacked)
     columns = system.counting(gone).tolist() if attacked else system.detecting(gone).tolist()
     others = [(float(z[c]), system.sensor_checks[c]) for c in columns if z[c] > limit]
@@ -210,16 +206,15 @@ def _explained(z: Floats, system: System, absent: frozenset[int], limit: float, 
         others += [(float(z[c]), system.sensor_checks[c]) for c in clear]
     if not attacked:
         return _Explanation((), (), None, tuple(sorted(others, reverse=True)), tuple(check for _, check in others))
-    unshown = set(attacked) - {one.sensor for value, one in own if value > limit}
+    unshown = {sensor for sensor, others in left.items() if not (z[telling(system, others, sensor)] > limit).any()}
     pairs = [(float(z[c]), system.sensor_checks[c]) for c in system.detecting(absent).tolist() if z[c] > limit]
     alone = [(value, one) for value, one in pairs if len(one.nameable) > 1 and not unshown.isdisjoint(one.nameable)]
     lit = brighter_than(system, attacked, first) if first in sets.alike else ()
     alike = [(float(z[c]), system.sensor_checks[c]) for c in lit if z[c] > limit]
     evidence = dict.fromkeys((*own, *alone, *alike, *others))
     ratio = float(sets.ratios[first] * np.log10(np.e))
-    return _Explanation(
-        attacked, tuple(sets.likely), ratio, tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
-    )
+    shows, outside = tuple(sorted(evidence, reverse=True)), tuple(check for _, check in others)
+    return _Explanation(attacked, tuple(sets.likely), ratio, shows, outside, shown=not unshown)
 
 
 def _own(z: Floats, system: System, gone: frozenset[int], sensor: int, limit: float) -> list[tuple[float, SensorCheck]]:
@@ -289,7 +284,7 @@ def _doubt(explanation: _Explanation, N: int) -> str:
     most = N - FEWEST_COMPARED
     if N < FEWEST_SENSORS and not explanation.attacked:
         return f"an attack on one of {N} sensors cannot be attributed"
-    if explanation.outside and len(explanation.attacked) == most:
+    if explanation.outside and len(explanation.attacked) >= most:
         rest = explanation.outside[0].nameable
         if len(rest) > 1:
             return f"{listed(sorted(rest))} do not see the same, and no third camera tells which of them is wrong"

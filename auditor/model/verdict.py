@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-JUDGING_VERSION = 39
+JUDGING_VERSION = 40
 """Raised whenever the same measurement and calibration would give other verdicts."""
 
 

@@ -225,11 +225,28 @@ def test_of_three_cameras_one_named_leaves_two_that_must_agree_with_each_other()
 
 
 def test_with_three_sensors_an_attack_is_found_and_not_attributed():
-    verdict = one({of(3): 4.0}, system=THREE, missing=frozenset({0}))
+    verdict = one({of(0, CONFLICT): 6.0, by(2, 1): 4.0}, system=system_of(2))
     assert verdict.kind is VerdictKind.UNIDENTIFIED
     assert "an attack on one of 3 sensors cannot be attributed" in verdict.reason
     assert verdict.named is None
     assert one({}, system=THREE, missing=frozenset({0})).kind is VerdictKind.CLEAN
+
+
+def test_of_three_cameras_alone_two_that_agree_outvote_the_third():
+    alone = frozenset({0})
+    verdict = one({of(3): 5.0}, system=THREE, missing=alone)
+    assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, (3,))
+    assert verdict.posterior > 0.9
+    apart = one({of(3): 5.0, by(2, 1): 4.5}, system=THREE, missing=alone)
+    assert (apart.kind, apart.attacked) == (VerdictKind.UNIDENTIFIED, ())
+    lacks = {of_all(3, Check.REMOVED_LIGHT): 5.0, by(1, 3): 4.5, by(2, 3): 4.5}
+    alike = one(lacks, system=THREE, missing=alone)
+    assert (alike.kind, alike.attacked) == (VerdictKind.UNIDENTIFIED, ())
+
+
+def test_a_patch_that_saturates_in_one_of_two_cameras_names_none():
+    verdict = one({by(2, 1, check=UNMATCHED): 9.0}, system=system_of(2))
+    assert (verdict.kind, verdict.attacked) == (VerdictKind.UNIDENTIFIED, ())
 
 
 @pytest.mark.parametrize("check", [DROPOUT, ISOLATED, Check.FREE_SPACE_CONFLICT, Check.SURROUNDING_CONFLICT])
@@ -365,8 +382,7 @@ def test_a_frame_is_a_finding_where_its_score_exceeds_the_limit_and_names_only_w
     assert (verdict.kind in {VerdictKind.ATTACKED, VerdictKind.UNIDENTIFIED}) == (score > LIMIT)
     assert set(verdict.attacked) <= present
     assert set(verdict.out_of_system) == set(system.sensors) - present
-    by_its_own_scans = verdict.attacked == (LIDAR,) and len(present) == 3
-    assert by_its_own_scans or len(verdict.attacked) <= max(len(present) - 3, 0)
+    assert len(verdict.attacked) <= {0: 0, 1: 0, 2: 0, 3: 1}.get(len(present), len(present) - 3)
     assert all(one.score > LIMIT for one in verdict.evidence if one.k is not None)
     assert [one.score for one in verdict.evidence] == sorted((one.score for one in verdict.evidence), reverse=True)
     if verdict.attacked:
