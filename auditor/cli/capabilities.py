@@ -44,6 +44,11 @@ _BY_OTHER_SCANS = (
     "not looked at: what only one of them sees, as behind things or beyond the other's beams; what is near something "
     f"that the other sees, or moves; posts, wires and boards; points that scatter; {_NOT_BY_SCANS}",
 )
+_OF_THREE = (
+    "which sensor it is on is told where the LiDAR's own scans show it, or light of one colour; else by each camera's "
+    "own past, as said below"
+)
+_OF_THREE_CAMERAS = "light on one of the cameras is told by the other two where these agree; of two at once none is"
 
 
 def short_pairs(rig: Rig) -> list[Pair]:
@@ -58,8 +63,8 @@ def capabilities(rig: Rig) -> list[str]:
     N, triples, most = len(rig.sensors), len(rig.triples), rig.max_attacked
     compared = f"{triples} triple{'s' if triples != 1 else ''} of sensors can be compared"
     if most == 0:
-        by_past = "; each camera's own past tells which, as said below" if rig.lidar else ""
-        lines = [f"{compared}: an attack is detected, but three sensors cannot tell which it is on{by_past}"]
+        told = _OF_THREE if rig.lidar else _OF_THREE_CAMERAS
+        lines = [f"{compared}: an attack is detected; {told}"]
     else:
         lines = [
             f"{compared}: up to {most} attacked sensor{'s' if most != 1 else ''} at once can be identified "

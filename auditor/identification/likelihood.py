@@ -249,16 +249,23 @@ def telling(system: System, gone: frozenset[int], sensor: int) -> Indices:
     """The places of the checks that tell that it is this sensor: `of_sensor`, of three sensors what singles it out."""
     if system.by_time or len(system.sensors) - len(gone) != FEWEST_COMPARED:
         return of_sensor(system, gone, sensor)
-    checks = system.sensor_checks
-    columns = system.detecting(gone).tolist()
-    return np.array([c for c in columns if checks[c].sensor == sensor and singles_out(checks[c])], dtype=np.intp)
+    checks = [(column, system.sensor_checks[column]) for column in system.detecting(gone).tolist()]
+    vouched = {one.sensor for _, one in checks if sensor not in one.needed}
+    return np.array(
+        [
+            column
+            for column, one in checks
+            if one.sensor == sensor and (singles_out(one) or (one.check.kind.adds and vouched.issuperset(one.others)))
+        ],
+        dtype=np.intp,
+    )
 
 
 def singles_out(check: SensorCheck) -> bool:
     """Whether a check tells by itself which of those that it compares is attacked.
 
-    No light on a camera changes a scan, none takes away one colour, and two cameras that agree outvote the third. A
-    patch that saturates in one of two cameras is either light, or dirt on the other one.
+    No light on a camera changes a scan, none takes away one colour, and two cameras that agree outvote the third. What
+    is brighter in one of two cameras is light on it, or dirt on the other where no third camera vouches for that one.
     """
     return check.check.kind.of in _OF_OWN_SCANS if check.sensor == LIDAR else len(check.nameable) == 1
 

@@ -244,6 +244,16 @@ def test_of_three_cameras_alone_two_that_agree_outvote_the_third():
     assert (alike.kind, alike.attacked) == (VerdictKind.UNIDENTIFIED, ())
 
 
+def test_of_three_cameras_in_two_pairs_the_third_vouches_for_the_second():
+    alone, pairs = frozenset({0}), system_of(3, pairs=((1, 3), (2, 3)))
+    verdict = one({by(1, 3): 5.0}, system=pairs, missing=alone)
+    assert (verdict.kind, verdict.attacked) == (VerdictKind.ATTACKED, (1,))
+    lacking = one({by(1, 3, check=Check.REMOVED_LIGHT): 5.0}, system=pairs, missing=alone)
+    assert (lacking.kind, lacking.attacked) == (VerdictKind.UNIDENTIFIED, ()), "light may be on the two others alike"
+    both = one({by(1, 3): 5.0, by(2, 3): 5.0}, system=pairs, missing=alone)
+    assert (both.kind, both.attacked) == (VerdictKind.UNIDENTIFIED, ())
+
+
 def test_a_patch_that_saturates_in_one_of_two_cameras_names_none():
     verdict = one({by(2, 1, check=UNMATCHED): 9.0}, system=system_of(2))
     assert (verdict.kind, verdict.attacked) == (VerdictKind.UNIDENTIFIED, ())
