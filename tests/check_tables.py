@@ -4,20 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from auditor.model.checks import Check
-from auditor.model.checks.kind import Of, Vote
 
 DOCUMENT = Path(__file__).resolve().parent.parent / "docs/glossary.md"
-HEAD = "| check | of | it says | votes of two | of more | where |\n|---|---|---|---|---|---|\n"
+HEAD = "| check | of | it says | votes |\n|---|---|---|---|\n"
 
 
 def _rows() -> Iterator[str]:
     for check in Check:
-        kind = check.kind
-        by_pairs = kind.of in (Of.PAIRS, Of.SEVERAL_PAIRS)
-        more = kind.vote.value if by_pairs or kind.of is Of.CAMERAS else "-"
-        two = "-" if by_pairs else Vote.MEAN.value if kind.vote is Vote.LIGHT else more
-        where = f"`checks/{check.where.replace('.', '/')}`"
-        yield f"| {kind.words.label} | {kind.of.sensor} | {kind.words.says} | {two} | {more} | {where} |\n"
+        kind, votes = check.kind, check.kind.vote.value
+        yield f"| {kind.words.label} | {kind.of.sensor} | {kind.words.says} | {votes} |\n"
 
 
 def table() -> str:
