@@ -313,7 +313,9 @@ def _shown(now: Glimpse, seen: Sequence[_ShownCells]) -> tuple[Floats, Floats]:
         count = down.size * across.size
         blind, weights, came, left = np.zeros(count), np.zeros((2, count)), np.zeros((count, 4)), np.zeros((count, 3))
         for cells in seen:
-            blind += _lit(cells.blind, sigma_px, across, down) @ cells.blind_weight.astype(np.float32)
+            # Not by BLAS: on some processors it flags invalid values here, and scans printed the warning.
+            lit, weight = _lit(cells.blind, sigma_px, across, down), cells.blind_weight.astype(np.float32)
+            blind += np.einsum("lc,c->l", lit, weight)
             added = _lit(cells.now, sigma_px, across, down) - _lit(cells.before, sigma_px, across, down)
             changes = np.clip(added * np.float32(STILL_LIGHT.strength), -1, 1)
             shown, weight = cells.weight * cells.residual, cells.weight.astype(np.float32)
