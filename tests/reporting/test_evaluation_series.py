@@ -119,7 +119,7 @@ def test_a_fault_and_a_sensor_that_stands_still_are_what_a_scan_calls_them(tmp_p
 
 def test_a_sensor_that_was_not_there_takes_no_part(tmp_path):
     store = new_store(tmp_path)
-    keep(store, RIG, [case(RIG, frame, high=(7,), missing=(0,) if frame == 7 else ()) for frame in range(20)])
+    keep(store, RIG, [case(RIG, frame, high=(7,), missing=(0, 2) if frame == 7 else ()) for frame in range(20)])
     assert verdicts(store, "clean")[RIG.rig_id, 7]["verdict"] == "unidentified"
 
 
