@@ -255,7 +255,7 @@ def test_calibrating_says_what_is_left_out_in_turn_or_that_nothing_can_be(
     assert "findings by paper" in shown.out
 
 
-def test_three_sensors_detect_and_the_robust_method_names_what_two_cameras_agree_on(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_of_three_cameras_two_that_agree_name_the_third(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     # Before one plane nothing tells whether a LiDAR beside two cameras is displaced, which the robust method asks too.
     rigs = (("three", (0.6, 0.3, 0.0), False, 2), ("two", (0.6, 0.0), True, 1))
     for (name, positions, lidar, sensor), methods in zip(rigs, (("robust", "paper"), ("paper",)), strict=True):
