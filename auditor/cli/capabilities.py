@@ -45,8 +45,7 @@ _BY_OTHER_SCANS = (
     f"that the other sees, or moves; posts, wires and boards; points that scatter; {_NOT_BY_SCANS}",
 )
 _OF_THREE = (
-    "which sensor it is on is told where the LiDAR's own scans show it, or light of one colour; else by each camera's "
-    "own past, as said below"
+    "which sensor it is on is told where the LiDAR's own scans show it, else by each camera's own past, as said below"
 )
 _OF_THREE_CAMERAS = "light on one of the cameras is told by the other two where these agree; of two at once none is"
 

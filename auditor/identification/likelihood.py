@@ -264,10 +264,11 @@ def telling(system: System, gone: frozenset[int], sensor: int) -> Indices:
 def singles_out(check: SensorCheck) -> bool:
     """Whether a check tells by itself which of those that it compares is attacked.
 
-    No light on a camera changes a scan, none takes away one colour, and two cameras that agree outvote the third. What
-    is brighter in one of two cameras is light on it, or dirt on the other where no third camera vouches for that one.
+    No light on a camera changes a scan, and two cameras that agree outvote the third. What is brighter in one of two
+    cameras is light on it, or dirt on the other where no third camera vouches for that one; and where white light
+    takes the colours from one of two, the other one seems lit by them.
     """
-    return check.check.kind.of in _OF_OWN_SCANS if check.sensor == LIDAR else len(check.nameable) == 1
+    return check.check.kind.of in _OF_OWN_SCANS if check.sensor == LIDAR else len(check.others) >= FEWEST_VOTERS
 
 
 def _largest(z: Floats, columns: Indices, unmeasured: float = SCORE_LIMITS.lowest) -> Floats:
